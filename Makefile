@@ -1,0 +1,89 @@
+# facetd.  make [VARIANT=release|debug|clang|asan|tsan|fuzz] [all|run|test|demo|check|...]; `make help` lists the targets.
+VARIANT ?= release
+B       := build/$(VARIANT)
+MAKEFLAGS += -r
+PKG_CONFIG ?= pkg-config
+PORT    ?= 8080
+
+ifeq ($(origin CC),default)
+CC      := gcc
+endif
+CFLAGS  ?= -g
+WARN    := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wpointer-arith -Wwrite-strings
+BASE    := -std=c11 -D_POSIX_C_SOURCE=200809L -fvisibility=hidden $(WARN)
+release := -O2 -DNDEBUG
+clang   := -O2 -DNDEBUG
+debug   := -O0
+asan    := -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+tsan    := -O1 -fsanitize=thread
+fuzz    := -O1 -fsanitize=fuzzer-no-link,address,undefined
+ifneq ($(filter clang fuzz,$(VARIANT)),)
+CC      := clang
+endif
+VFLAGS  := $($(VARIANT))
+$(if $(VFLAGS),,$(error unknown VARIANT '$(VARIANT)'))
+
+# ---- kernels: one source, one object per (tier, isa) ---------------------------
+# A name missing here or in lib/dispatch.c is a link error.
+TIERS := fast precise
+ISAS  := base
+ifneq ($(filter x86_64%,$(shell $(CC) -dumpmachine 2>/dev/null)),)
+ISAS  += avx2 avx512
+ISA_avx2   := -mavx2 -mfma
+ISA_avx512 := -mavx512f -mavx512dq -mavx512vl -mavx512bw -mfma -mprefer-vector-width=512
+endif
+# No contraction (one result on every ISA), never -ffast-math (it breaks NaN handling and error-free sums).
+KFLAGS := -O3 -fopenmp-simd -ffp-contract=off -fno-math-errno -fno-trapping-math
+KERNELS := $(foreach t,$(TIERS),$(foreach i,$(ISAS),$(B)/lib/kernel/$t-$i.o))
+
+# ---- layers: what each may include and link -------------------------------------
+obj     = $(patsubst %.c,$(B)/%.o,$(wildcard $1/*.c))
+LIB_O    := $(call obj,lib) $(KERNELS)
+API_O    := $(call obj,api)
+SERVER_O := $(call obj,server)
+SUPPORT_O := $(call obj,tests/support)
+INC_lib    := -Ilib -ffp-contract=off
+INC_api    := -Ilib -Iapi $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
+INC_server := -Iapi $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
+INC_tests  := -Ilib -Iapi -Itests/support $(INC_api) -ffp-contract=off
+LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
+
+# Tests of dirs in PER_ISA run once per instruction set, the others once.
+PER_ISA := tests/property tests/accuracy
+TESTS_ISA  := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard $(addsuffix /test_*.c,$(PER_ISA))))
+TESTS_ONCE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/unit/test_*.c))
+TESTS   := $(TESTS_ISA) $(TESTS_ONCE)
+
+all: $(B)/facetd
+$(B)/facetd: $(SERVER_O) $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+$(B)/libfacet.a: $(LIB_O)
+$(B)/libapi.a: $(API_O)
+$(B)/%.a:
+	@rm -f $@
+	ar rcs $@ $^
+
+define kernel
+$(B)/lib/kernel/$1-$2.o: lib/kernel/kernel.c Makefile
+	@mkdir -p $$(@D)
+	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$2) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_ISA=$2 -MMD -MP -c -o $$@ $$<
+endef
+$(foreach t,$(TIERS),$(foreach i,$(ISAS),$(eval $(call kernel,$t,$i))))
+$(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'
+
+$(B)/%.o: %.c Makefile
+	@mkdir -p $(@D)
+	$(CC) $(BASE) $(CFLAGS) $(VFLAGS) $(CPPFLAGS) $(INC_$(firstword $(subst /, ,$*))) -MMD -MP -c -o $@ $<
+$(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS) $(LDLIBS_$(notdir $@))
+
+# ---- checks -----------------------------------------------------------------------
+# One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
+check: $(TESTS) check-layers
+	@for t in $(TESTS_ONCE); do $$t || echo "FAIL $$t (exit $$?)"; done
+	@for t in $(TESTS_ISA); do for i in $(ISAS); do FACET_ISA=$$i $$t || echo "FAIL $$t $$i (exit $$?)"; done; done
+
+clean: ; rm -rf build
+.PHONY: all check check-layers clean
+.SECONDARY:
+-include $(shell find $(B) -name '*.d' 2>/dev/null)

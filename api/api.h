@@ -1,0 +1,72 @@
+/*
+ * api.h - bytes in, bytes out: the one door into facetd's typed API.
+ *
+ * Knows nothing of sockets, so that unit tests, fuzzers and the server enter by
+ * the same door.  api_handle is thread-safe and may run for seconds (a fit): the
+ * server calls it on a worker for every endpoint that api_lookup calls long.
+ */
+#ifndef API_H
+#define API_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+struct api_request {
+    const char *method;       /* "GET", "POST", ... */
+    const char *path;         /* "/v1/eval", without the query */
+    const char *query;        /* raw, still percent-encoded; NULL or "" if none */
+    const char *content_type; /* NULL if the client sent none */
+    const char *accept;       /* NULL if the client sent none */
+    const void *body;
+    size_t body_size;
+    /* Asked now and then by long work; true ends it.  NULL: never. */
+    bool (*cancelled)(void *user);
+    void *user;
+};
+
+/* Where the time went and what was computed, for the server's log; 0 or NULL where unknown. */
+struct api_trace {
+    double decode_us, compute_us, encode_us;
+    size_t evaluations;
+    const char *tier;
+};
+
+#define API_HEADERS_MAX 4
+
+struct api_header {
+    const char *name;
+    char value[128];
+};
+
+struct api_response {
+    int status;               /* HTTP status */
+    const char *content_type; /* static storage */
+    void *body;               /* owned; api_response_clear frees it */
+    size_t body_size;
+    struct api_header headers[API_HEADERS_MAX]; /* Allow, Retry-After, ... */
+    size_t header_count;
+    struct api_trace trace;
+};
+
+/* What the server must know before the body arrives. */
+struct api_route {
+    bool found;       /* false: api_handle will answer 404 or 405, whatever the body */
+    bool is_long;     /* run on a worker, not on the network thread */
+    size_t body_max;  /* larger bodies: api_refuse with 413 */
+};
+
+/* Once per process, before the first request / after the last.  False: out of memory. */
+bool api_open(void);
+void api_close(void);
+
+struct api_route api_lookup(const char *method, const char *path, const char *content_type);
+
+/* Always fills the response; out of memory gives a 503 with a static-sized body. */
+void api_handle(const struct api_request *request, struct api_response *response);
+
+/* A problem+json response for what the server refuses by itself (408, 413, 429, 431, 503 ...). */
+void api_refuse(int status, const char *detail, struct api_response *response);
+
+void api_response_clear(struct api_response *response);
+
+#endif

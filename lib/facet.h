@@ -1,0 +1,268 @@
+/*
+ * facet.h - microfacet BRDFs: evaluate, sample, and say how accurate that is.
+ *
+ * Conventions.  Directions are unit vectors in the tangent frame; the
+ * macrosurface normal is +z.  wo points toward the viewer and is given, wi
+ * points toward the light and is what sampling produces; both point away from
+ * the surface.  H = wi + wo (never normalised in advance), h = H/|H|,
+ * cos theta_d = |H|/2.  (Heitz & d'Eon 2014 write omega_i for our wo.)
+ * The model is the formulas on the components as given, nothing is
+ * renormalised: that makes "exact" well defined.  lib/NOTATION.md maps every
+ * symbol to its equation and its seed.
+ *
+ * Batches are structures of arrays of n doubles.  A batch call checks its
+ * scalar arguments once and returns a status; its elements cannot fail.
+ * Outputs must not overlap inputs.  Batch calls never allocate.
+ *
+ * Objects are immutable once created: share them between threads freely,
+ * destroy each once.
+ *
+ * The rest of the library: facet_table.h (tabulated slope distributions),
+ * facet_fit.h (fit measured materials), facet_leadr.h (slope moments, maps).
+ */
+#ifndef FACET_H
+#define FACET_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- Status ---------------------------------------------------------------- */
+
+#define FACET_STATUS_MAP(X)                                                     \
+    X(OK, "success")                                                            \
+    X(NO_MEMORY, "out of memory")                                               \
+    X(BAD_ALPHA, "alpha_x and alpha_y must lie in [1e-8, 1e4]")                 \
+    X(BAD_RHO, "rho must lie in [-1 + 1e-12, 1 - 1e-12]")                       \
+    X(BAD_MEAN_SLOPE, "the components of mean_slope must lie in [-1e6, 1e6]")   \
+    X(BAD_FRESNEL, "a Fresnel parameter is out of range")                       \
+    X(BAD_TABLE, "a table needs finite data, sorted nodes and a positive scale") \
+    X(BAD_SIZE, "a size is zero or too large")                                  \
+    X(BAD_DATA, "the data hold nothing that can be used")                       \
+    X(UNSUPPORTED, "this combination is not available")                         \
+    X(NO_CONVERGENCE, "the iteration did not converge")                         \
+    X(CANCELLED, "the caller asked to stop")
+
+typedef enum facet_status {
+#define FACET_STATUS_ENUM(name, text) FACET_##name,
+    FACET_STATUS_MAP(FACET_STATUS_ENUM)
+#undef FACET_STATUS_ENUM
+        FACET_STATUS_COUNT
+} facet_status;
+
+const char *facet_status_text(facet_status status);
+
+/* ---- Material -------------------------------------------------------------- */
+
+#define FACET_ALPHA_MIN 1e-8
+#define FACET_ALPHA_MAX 1e4
+#define FACET_RHO_MAX (1 - 1e-12)
+#define FACET_MEAN_SLOPE_MAX 1e6
+#define FACET_ETA_MIN 1e-3 /* relative index of refraction, also of conductors */
+#define FACET_ETA_MAX 1e3
+#define FACET_K_MAX 1e3 /* extinction coefficient of a conductor */
+
+typedef enum facet_ndf { FACET_GGX, FACET_BECKMANN, FACET_TABULATED, FACET_NDF_COUNT } facet_ndf;
+
+/*
+ * Affine map from the standard radial slope distribution (alpha = 1) to the
+ * surface's slopes (Dupuy eqs. 2.26 and 3.2):
+ *   x~ = alpha_x x + slope_x,  y~ = alpha_y (rho x + sqrt(1-rho^2) y) + slope_y.
+ * A mean slope of (0, 0) is a central surface.
+ */
+typedef struct facet_roughness {
+    double alpha_x, alpha_y; /* slope scale, in [FACET_ALPHA_MIN, FACET_ALPHA_MAX] */
+    double rho;              /* slope correlation, |rho| <= FACET_RHO_MAX */
+    double slope_x, slope_y; /* mean slope, each |.| <= FACET_MEAN_SLOPE_MAX */
+} facet_roughness;
+
+/*
+ * The same roughness as an ellipse (Dupuy eqs. 2.29-2.34, signs as in
+ * lib/NOTATION.md): alpha_1 >= alpha_2 on the way back, major axis at -phi.
+ */
+typedef struct facet_ellipse {
+    double alpha_1, alpha_2; /* slope scale along the principal axes, > 0 */
+    double phi;              /* radians */
+} facet_ellipse;
+
+facet_status facet_roughness_check(const facet_roughness *roughness);
+facet_status facet_roughness_from_ellipse(const facet_ellipse *ellipse, double slope_x,
+                                          double slope_y, facet_roughness *roughness);
+facet_ellipse facet_roughness_to_ellipse(const facet_roughness *roughness);
+
+/*
+ * Masking.  SMITH is height-correlated.  VGROOVE is the V-cavity model, NONE
+ * the normal map of Dupuy table 2.IV (its G may exceed 1; not reciprocal).
+ */
+typedef enum facet_masking {
+    FACET_SMITH,
+    FACET_SMITH_UNCORRELATED,
+    FACET_VGROOVE,
+    FACET_NONE,
+    FACET_MASKING_COUNT
+} facet_masking;
+
+/*
+ * What masking means on a sheared surface (mean slope not 0).  ENERGY_SAFE
+ * works in the frame of the mean facet: weights never exceed the Fresnel term,
+ * not reciprocal.  THESIS puts Dupuy eq. 3.3 into 2.13: weights may exceed 1,
+ * and it answers 0 where its denominator is not positive.  THESIS goes with the
+ * Smith maskings only.  On a central surface both are the same.
+ */
+typedef enum facet_shear { FACET_ENERGY_SAFE, FACET_THESIS, FACET_SHEAR_COUNT } facet_shear;
+
+typedef enum facet_fresnel_kind {
+    FACET_FRESNEL_IDEAL,      /* F = 1 */
+    FACET_FRESNEL_SCHLICK,    /* f0 */
+    FACET_FRESNEL_DIELECTRIC, /* eta; unpolarised, 1 at total reflection */
+    FACET_FRESNEL_CONDUCTOR,  /* eta, k; unpolarised */
+    FACET_FRESNEL_TABLE,      /* values over cos_theta_d, linear between, constant outside */
+    FACET_FRESNEL_COUNT
+} facet_fresnel_kind;
+
+/* Fresnel term over cos theta_d; channel i of the answer uses the i-th entry. */
+typedef struct facet_fresnel {
+    facet_fresnel_kind kind;
+    size_t channels;           /* 1 or 3 */
+    double f0[3];              /* SCHLICK: in [0, 1] */
+    double eta[3];             /* DIELECTRIC, CONDUCTOR: in [FACET_ETA_MIN, FACET_ETA_MAX] */
+    double k[3];               /* CONDUCTOR: in [0, FACET_K_MAX] */
+    size_t count;              /* TABLE: number of nodes, 2 .. FACET_FRESNEL_NODES_MAX */
+    const double *cos_theta_d; /* TABLE: strictly increasing, in [0, 1] */
+    const double *values[3];   /* TABLE: each in [0, 1e6] */
+} facet_fresnel;
+
+#define FACET_FRESNEL_NODES_MAX 4096
+
+typedef struct facet_slope_table facet_slope_table; /* facet_table.h */
+
+typedef struct facet_material {
+    facet_ndf ndf;
+    facet_roughness roughness;
+    facet_masking masking;
+    facet_shear shear;
+    facet_fresnel fresnel;
+    const facet_slope_table *table; /* TABULATED only; borrowed, must outlive the BRDF */
+} facet_material;
+
+/* A material made ready for evaluation. */
+typedef struct facet_brdf facet_brdf;
+
+facet_status facet_brdf_create(const facet_material *material, facet_brdf **brdf);
+void facet_brdf_destroy(facet_brdf *brdf); /* NULL is allowed */
+
+/* ---- Speed and accuracy ------------------------------------------------------ */
+
+/*
+ * A tier is a promise about error, not an algorithm.  lib/accuracy.def holds
+ * the promises, cheapest tier first; tests enforce them.
+ */
+typedef enum facet_tier { FACET_FAST, FACET_PRECISE, FACET_TIER_COUNT } facet_tier;
+
+/* The quantities of lib/quantities.def, in its order. */
+typedef enum facet_quantity {
+#define QUANTITY(id, name, coloured, doc) FACET_##id,
+#include "quantities.def"
+#undef QUANTITY
+    FACET_QUANTITY_COUNT
+} facet_quantity;
+
+/*
+ * A number y that stands for an exact value x obeys
+ * |y - x| <= bound max(|x|, FACET_FLOOR).
+ */
+#define FACET_FLOOR 1e-30
+
+/*
+ * The bound promised for one quantity of this material.  input_error: absolute
+ * error of the direction components handed over, 0 when they are the caller's
+ * own numbers.  False where the tier promises nothing.
+ */
+bool facet_bound(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity,
+                 double input_error, double *bound);
+
+/*
+ * The same for facet_sample: weight and pdf relative as above; the components
+ * of wi and h absolute, that is with a floor of 1.
+ */
+bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, double input_error, double *bound);
+
+const char *facet_tier_name(facet_tier tier);
+
+/*
+ * The instruction set in use ("base", "avx2", ...).  Select one to test or
+ * measure it; NULL restores the best this processor has.  Not to be called
+ * while another thread is inside the library.
+ */
+const char *facet_isa(void);
+facet_status facet_isa_select(const char *name);
+/* The index-th instruction set this binary holds and this processor runs; NULL past the last. */
+const char *facet_isa_list(size_t index);
+
+/* ---- Evaluate ---------------------------------------------------------------- */
+
+typedef struct facet_vec3_in {
+    const double *x, *y, *z;
+} facet_vec3_in;
+
+typedef struct facet_vec3_out {
+    double *x, *y, *z;
+} facet_vec3_out;
+
+/*
+ * What to compute: NULL is not computed.  Coloured quantities (quantities.def)
+ * use as many entries as the Fresnel term has channels, the others entry 0.
+ */
+typedef struct facet_outputs {
+    double *of[FACET_QUANTITY_COUNT][3];
+} facet_outputs;
+
+/*
+ * Evaluate n pairs.  fr and fr_cos are 0 where wi or wo lies on or below the
+ * horizon; D and what follows from it is 0 where H points on or below it.
+ */
+facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
+                        size_t n, const facet_outputs *outputs);
+
+/*
+ * With shear THESIS the denominator of fr cancels: the largest
+ * sum-of-magnitudes / |denominator| over these pairs, by which the bound of
+ * fr, fr_cos and G grows.  1 for every other material.
+ */
+facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                             double *condition);
+
+/* ---- Sample ------------------------------------------------------------------- */
+
+/* What to compute: NULL is not computed, and a vec3 is all or nothing. */
+typedef struct facet_samples {
+    facet_vec3_out wi; /* required */
+    facet_vec3_out h;  /* the sampled micronormal */
+    double *weight[3]; /* fr cos theta_i / pdf; 0 below the horizon */
+    double *pdf;       /* per solid angle of wi */
+} facet_samples;
+
+/*
+ * Sample the visible normals of wo and reflect: spherical caps for GGX (Dupuy &
+ * Benyoub 2023), monotone inversion of the slope CDF for Beckmann (Heitz &
+ * d'Eon 2014).  u1, u2 in [0, 1).  UNSUPPORTED for tabulated materials.
+ */
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo,
+                          const double *u1, const double *u2, size_t n,
+                          const facet_samples *samples);
+
+/* ---- Long work ------------------------------------------------------------------ */
+
+/* Asked between chunks of long work; true ends it with FACET_CANCELLED.  NULL: never. */
+typedef struct facet_watch {
+    bool (*cancelled)(void *user);
+    void *user;
+} facet_watch;
+
+#ifdef __cplusplus
+}
+#endif
+#endif
