@@ -83,6 +83,17 @@ check: $(TESTS) check-layers
 	@for t in $(TESTS_ONCE); do $$t || echo "FAIL $$t (exit $$?)"; done
 	@for t in $(TESTS_ISA); do for i in $(ISAS); do FACET_ISA=$$i $$t || echo "FAIL $$t $$i (exit $$?)"; done; done
 
+# lib knows libc and libm; api knows no transport; kernels call nothing; each exports its own prefix only
+check-layers: $(B)/libfacet.a $(B)/libapi.a
+	@bad=0; \
+	nm -u $(B)/libfacet.a | grep -E ' (json_|exr_|png_|MHD_|api_)' && { echo 'lib reaches up'; bad=1; }; \
+	nm -u $(B)/libapi.a | grep -E ' MHD_' && { echo 'api knows the transport'; bad=1; }; \
+	if [ $(VARIANT) = release ]; then nm -u $(KERNELS) | grep ' U ' && { echo 'a kernel calls out'; bad=1; }; fi; \
+	nm -g --defined-only $(B)/libfacet.a | awk 'NF==3 && $$3 !~ /^(facet_|_)/ {print "lib exports", $$3; e=1} END {exit !e}' && bad=1; \
+	nm -g --defined-only $(B)/libapi.a | awk 'NF==3 && $$3 !~ /^(api_|_)/ {print "api exports", $$3; e=1} END {exit !e}' && bad=1; \
+	if grep -lE 'json_(object_get|array_get|number_value|real_value|integer_value|string_value|is_true)' api/*.c | grep -vE 'api/(field|json)' ; then echo 'JSON is taken apart outside the field tables'; bad=1; fi; \
+	[ $$bad = 0 ] && echo "ok check-layers $(VARIANT)" || { echo "FAIL check-layers $(VARIANT)"; }
+
 clean: ; rm -rf build
 .PHONY: all check check-layers clean
 .SECONDARY:
