@@ -1,0 +1,100 @@
+#include "json.h"
+
+#include "limits.h"
+
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+/*
+ * "[[[]]]" costs a hundred times its bytes once parsed.  So jansson's memory is
+ * counted per thread, and parsing stops at a budget proportional to the body.
+ */
+static _Thread_local struct {
+    int64_t used, limit; /* limit 0: none */
+    bool refused;
+} memory;
+
+enum { HEADER = 16, MEMORY_FREE = 65536 };
+
+static void *counted_malloc(size_t size)
+{
+    if (size > PTRDIFF_MAX - HEADER) return NULL;
+    if (memory.limit && memory.used + (int64_t)size + HEADER > memory.limit) {
+        memory.refused = true;
+        return NULL;
+    }
+    char *bytes = malloc(size + HEADER);
+    if (!bytes) return NULL;
+    memcpy(bytes, &size, sizeof size);
+    memory.used += (int64_t)size + HEADER;
+    return bytes + HEADER;
+}
+
+static void counted_free(void *pointer)
+{
+    if (!pointer) return;
+    char *bytes = (char *)pointer - HEADER;
+    size_t size;
+    memcpy(&size, bytes, sizeof size);
+    memory.used -= (int64_t)size + HEADER;
+    free(bytes);
+}
+
+void api_json_open(void)
+{
+    json_set_alloc_funcs(counted_malloc, counted_free);
+}
+
+/* False where brackets nest deeper than allowed; jansson itself recurses 2048 deep. */
+static bool is_shallow(const unsigned char *bytes, size_t size)
+{
+    int depth = 0;
+    bool in_string = false;
+    for (size_t i = 0; i < size; i++) {
+        unsigned char c = bytes[i];
+        if (in_string) {
+            if (c == '\\')
+                i++;
+            else if (c == '"')
+                in_string = false;
+        } else if (c == '"') {
+            in_string = true;
+        } else if (c == '[' || c == '{') {
+            if (++depth > LIMIT_JSON_DEPTH) return false;
+        } else if (c == ']' || c == '}') {
+            depth--;
+        }
+    }
+    return true;
+}
+
+json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
+{
+    if (!size) {
+        api_problem(problem, 400, "the body is empty; JSON is expected");
+        return NULL;
+    }
+    if (!is_shallow(bytes, size)) {
+        api_problem(problem, 400, "the JSON nests deeper than %d", LIMIT_JSON_DEPTH);
+        return NULL;
+    }
+    json_error_t error;
+    memory.refused = false;
+    memory.limit = memory.used + MEMORY_FREE + (int64_t)size * LIMIT_JSON_MEMORY;
+    json_t *json = json_loadb(
+        bytes, size, JSON_REJECT_DUPLICATES | JSON_DECODE_ANY | JSON_DECODE_INT_AS_REAL, &error);
+    memory.limit = 0;
+    if (json) return json;
+    if (memory.refused)
+        api_problem(problem, 413,
+                    "the JSON holds more values than its size allows (%d bytes of memory per byte)",
+                    LIMIT_JSON_MEMORY);
+    else if (json_error_code(&error) == json_error_out_of_memory)
+        api_problem_memory(problem);
+    else
+        api_problem(problem, 400, "not JSON: line %d column %d: %s", error.line, error.column,
+                    error.text);
+    return NULL;
+}

@@ -1,0 +1,298 @@
+/* From a request's bytes to an endpoint and back: path, method, media types, decode, handle,
+ * encode. */
+#include "endpoint.h"
+#include "json.h"
+#include "limits.h"
+#include "media.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define JSON_TYPE "application/json"
+
+#define ENDPOINT(name) extern const struct endpoint api_endpoint_##name;
+#include "endpoints.def"
+#undef ENDPOINT
+
+static const struct endpoint *const endpoints[] = {
+#define ENDPOINT(name) &api_endpoint_##name,
+#include "endpoints.def"
+#undef ENDPOINT
+    NULL,
+};
+
+const struct endpoint *api_endpoint(size_t index)
+{
+    return index < sizeof endpoints / sizeof *endpoints ? endpoints[index] : NULL;
+}
+
+double api_clock(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec * 1e6 + (double)now.tv_nsec * 1e-3;
+}
+
+bool api_open(void)
+{
+    api_json_open();
+    return true;
+}
+
+void api_close(void)
+{
+}
+
+/* ---- Finding the endpoint -------------------------------------------------------------- */
+
+static bool has_method(const struct endpoint *endpoint, const char *method)
+{
+    return !strcmp(endpoint->method, method) ||
+           (!strcmp(endpoint->method, "GET") && !strcmp(method, "HEAD"));
+}
+
+static const struct endpoint *find(const char *method, const char *path)
+{
+    for (size_t i = 0; endpoints[i]; i++)
+        if (!strcmp(endpoints[i]->path, path) && has_method(endpoints[i], method))
+            return endpoints[i];
+    return NULL;
+}
+
+/* Nothing serves this: 405 with Allow where another method would do, else 404. */
+static void not_found(const struct api_request *request, struct api_response *response,
+                      struct problem *problem)
+{
+    char allow[64] = "";
+    for (size_t i = 0; endpoints[i]; i++) {
+        if (strcmp(endpoints[i]->path, request->path)) continue;
+        size_t used = strlen(allow);
+        snprintf(allow + used, sizeof allow - used, "%s%s%s", used ? ", " : "",
+                 endpoints[i]->method, strcmp(endpoints[i]->method, "GET") ? "" : ", HEAD");
+    }
+    if (!*allow) {
+        api_problem(problem, 404, "nothing is served at %.100s; see /v1/openapi.json",
+                    request->path);
+        return;
+    }
+    api_answer_header(response, "Allow", "%s", allow);
+    api_problem(problem, 405, "%.100s allows %s", request->path, allow);
+}
+
+struct api_route api_lookup(const char *method, const char *path, const char *content_type)
+{
+    const struct endpoint *endpoint = find(method, path);
+    if (!endpoint) return (struct api_route){.body_max = LIMIT_JSON_BODY};
+    bool is_raw = endpoint->bodies && !api_media_is(content_type, JSON_TYPE);
+    return (struct api_route){
+        .found = true,
+        .is_long = endpoint->is_long,
+        .body_max = is_raw ? LIMIT_BINARY_BODY : LIMIT_JSON_BODY,
+    };
+}
+
+/* ---- The body ---------------------------------------------------------------------------- */
+
+/* Types a client sends without meaning them: curl -d, curl --data-binary, fetch with a Blob. */
+static bool says_nothing(const char *type)
+{
+    return !type || !*type || api_media_is(type, "application/x-www-form-urlencoded") ||
+           api_media_is(type, "application/octet-stream");
+}
+
+static bool starts_like_json(const unsigned char *bytes, size_t size)
+{
+    size_t i = 0;
+    while (i < size &&
+           (bytes[i] == ' ' || bytes[i] == '\t' || bytes[i] == '\n' || bytes[i] == '\r'))
+        i++;
+    return i == size || bytes[i] == '{' || bytes[i] == '[';
+}
+
+static bool unsupported(const struct endpoint *endpoint, struct problem *problem)
+{
+    char types[200] = JSON_TYPE;
+    for (const struct medium *m = endpoint->bodies; m && m->type; m++) {
+        size_t used = strlen(types);
+        snprintf(types + used, sizeof types - used, ", %s", m->type);
+    }
+    return api_problem(problem, 415, "%s takes %s", endpoint->path, types);
+}
+
+/* Sets call->medium, NULL for JSON. */
+static bool find_medium(struct call *call)
+{
+    const char *type = call->request->content_type;
+    const unsigned char *bytes = call->request->body;
+    size_t size = call->request->body_size;
+    if (api_media_is(type, JSON_TYPE)) return true;
+    bool by_content = says_nothing(type);
+    for (const struct medium *m = call->endpoint->bodies; m && m->type; m++) {
+        if (by_content ? m->matches(bytes, size) : api_media_is(type, m->type)) {
+            call->medium = m;
+            return true;
+        }
+    }
+    if (!by_content) return unsupported(call->endpoint, call->problem);
+    if (!call->endpoint->bodies || starts_like_json(bytes, size)) return true;
+    return unsupported(call->endpoint, call->problem);
+}
+
+static bool decode_json_body(struct call *call, void *in, struct decoder *decoder)
+{
+    const struct endpoint *endpoint = call->endpoint;
+    const struct api_request *request = call->request;
+    if (request->body_size > LIMIT_JSON_BODY)
+        return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);
+    json_t *json = api_json_parse(request->body, request->body_size, call->problem);
+    if (!json) return false;
+    bool ok = request->query && *request->query
+                  ? api_decode_query(request->query, json, endpoint->request, in, decoder)
+                  : api_decode(json, endpoint->request, in, NULL, decoder);
+    json_decref(json);
+    return ok;
+}
+
+static bool decode_request(struct call *call)
+{
+    const struct endpoint *endpoint = call->endpoint;
+    if (!endpoint->request) return true;
+    if (!find_medium(call)) return false;
+    void *in = api_arena_array(call->arena, 1, endpoint->request_size);
+    if (!in) return api_problem_memory(call->problem);
+    call->in = in;
+    struct decoder decoder = {call->arena, call->problem};
+    if (!call->medium) return decode_json_body(call, in, &decoder);
+    if (call->request->body_size > LIMIT_BINARY_BODY)
+        return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);
+    return api_decode_query(call->request->query, NULL, endpoint->request, in, &decoder);
+}
+
+/* ---- The answer ---------------------------------------------------------------------------- */
+
+bool api_still_wanted(struct call *call)
+{
+    const struct api_request *request = call->request;
+    if (!request->cancelled || !request->cancelled(request->user)) return true;
+    return api_problem_status(call->problem, FACET_CANCELLED, NULL);
+}
+
+facet_watch api_watch(const struct call *call)
+{
+    return (facet_watch){call->request->cancelled, call->request->user};
+}
+
+const char *api_answer_type(const struct call *call, const char *preferred)
+{
+    const char *accept = call->request->accept, *best = preferred;
+    double quality = api_media_quality(accept, preferred);
+    const char *const *answers = call->endpoint->answers;
+    if (api_media_quality(accept, JSON_TYPE) > quality) {
+        best = JSON_TYPE;
+        quality = api_media_quality(accept, best);
+    }
+    for (; answers && *answers; answers++) {
+        if (api_media_quality(accept, *answers) <= quality) continue;
+        best = *answers;
+        quality = api_media_quality(accept, best);
+    }
+    return best;
+}
+
+static bool is_acceptable(struct call *call)
+{
+    const char *type = api_answer_type(call, JSON_TYPE);
+    if (api_media_quality(call->request->accept, type) > 0) return true;
+    return api_problem(call->problem, 406, "%s answers %s%s%s", call->endpoint->path, JSON_TYPE,
+                       call->endpoint->answers ? ", " : "",
+                       call->endpoint->answers ? *call->endpoint->answers : "");
+}
+
+bool api_answer_raw(struct call *call, const char *type, void *bytes, size_t size)
+{
+    call->response->content_type = type;
+    call->response->body = bytes;
+    call->response->body_size = size;
+    return true;
+}
+
+void api_answer_header(struct api_response *response, const char *name, const char *format, ...)
+{
+    if (response->header_count == API_HEADERS_MAX) return;
+    struct api_header *header = &response->headers[response->header_count++];
+    header->name = name;
+    va_list list;
+    va_start(list, format);
+    vsnprintf(header->value, sizeof header->value, format, list);
+    va_end(list);
+}
+
+static bool encode_response(struct call *call)
+{
+    if (call->response->body) return true;
+    struct text text = api_text(call->arena);
+    api_encode(&text, call->endpoint->response, call->out);
+    api_text_put(&text, "\n");
+    call->response->content_type = JSON_TYPE;
+    call->response->body = api_text_take(&text, &call->response->body_size);
+    return call->response->body || api_problem_memory(call->problem);
+}
+
+static bool run(struct call *call)
+{
+    const struct endpoint *endpoint = call->endpoint;
+    struct api_trace *trace = &call->response->trace;
+    double start = api_clock();
+    if (!is_acceptable(call) || !decode_request(call)) return false;
+    trace->decode_us += api_clock() - start;
+    call->out = api_arena_array(call->arena, 1, endpoint->response_size);
+    if (!call->out) return api_problem_memory(call->problem);
+    if (endpoint->response) api_field_clear(endpoint->response, call->out);
+    if (!endpoint->handle(call))
+        return api_problem(call->problem, 500, "the endpoint failed without a reason");
+    start = api_clock();
+    bool ok = encode_response(call);
+    trace->encode_us += api_clock() - start;
+    return ok;
+}
+
+void api_handle(const struct api_request *request, struct api_response *response)
+{
+    struct arena arena;
+    struct problem problem = {0};
+    *response = (struct api_response){.status = 200};
+    const struct endpoint *endpoint = find(request->method, request->path);
+    if (!endpoint) {
+        not_found(request, response, &problem);
+        api_problem_answer(&problem, response);
+        return;
+    }
+    api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
+    struct call call = {.endpoint = endpoint,
+                        .request = request,
+                        .arena = &arena,
+                        .problem = &problem,
+                        .response = response};
+    if (!run(&call)) {
+        if (problem.status == 503) api_answer_header(response, "Retry-After", "1");
+        api_problem_answer(&problem, response);
+    }
+    api_arena_close(&arena);
+}
+
+void api_refuse(int status, const char *detail, struct api_response *response)
+{
+    struct problem problem = {0};
+    *response = (struct api_response){0};
+    api_problem(&problem, status, "%s", detail);
+    api_problem_answer(&problem, response);
+}
+
+void api_response_clear(struct api_response *response)
+{
+    free(response->body);
+    *response = (struct api_response){0};
+}

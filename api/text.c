@@ -1,0 +1,169 @@
+#include "text.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PIECE_MIN = 1024, PIECE_MAX = 65536 };
+
+struct text_piece {
+    struct text_piece *next;
+    size_t used, room;
+    char bytes[];
+};
+
+struct text api_text(struct arena *arena)
+{
+    return (struct text){.arena = arena};
+}
+
+/* At least `size` writable bytes at the end, or NULL. */
+static char *reserve(struct text *text, size_t size)
+{
+    if (text->failed) return NULL;
+    struct text_piece *last = text->last;
+    if (last && last->room - last->used >= size) return last->bytes + last->used;
+    size_t room = text->size < PIECE_MIN ? PIECE_MIN : text->size;
+    if (room > PIECE_MAX) room = PIECE_MAX;
+    if (room < size) room = size;
+    struct text_piece *piece = api_arena_alloc(text->arena, sizeof *piece + room);
+    if (!piece) {
+        text->failed = true;
+        return NULL;
+    }
+    piece->next = NULL;
+    piece->used = 0;
+    piece->room = room;
+    if (last)
+        last->next = piece;
+    else
+        text->first = piece;
+    text->last = piece;
+    return piece->bytes;
+}
+
+static void commit(struct text *text, size_t size)
+{
+    text->last->used += size;
+    text->size += size;
+}
+
+void api_text_bytes(struct text *text, const char *bytes, size_t size)
+{
+    char *end = reserve(text, size);
+    if (!end) return;
+    memcpy(end, bytes, size);
+    commit(text, size);
+}
+
+void api_text_put(struct text *text, const char *string)
+{
+    api_text_bytes(text, string, strlen(string));
+}
+
+void api_text_print(struct text *text, const char *format, ...)
+{
+    enum { ROOM = 512 };
+    char *end = reserve(text, ROOM);
+    if (!end) return;
+    va_list list;
+    va_start(list, format);
+    int n = vsnprintf(end, ROOM, format, list);
+    va_end(list);
+    commit(text, n < 0 ? 0 : n < ROOM ? (size_t)n : ROOM - 1);
+}
+
+void api_text_string(struct text *text, const char *string)
+{
+    api_text_put(text, "\"");
+    for (const char *plain = string;; string++) {
+        unsigned char c = (unsigned char)*string;
+        if (c >= 0x20 && c != '"' && c != '\\' && c != 0x7f) continue;
+        api_text_bytes(text, plain, (size_t)(string - plain));
+        if (!c) break;
+        if (c == '"' || c == '\\')
+            api_text_print(text, "\\%c", c);
+        else
+            api_text_print(text, "\\u%04x", c);
+        plain = string + 1;
+    }
+    api_text_put(text, "\"");
+}
+
+void api_text_number(struct text *text, double value, int digits)
+{
+    char *end = reserve(text, NUMBER_ROOM);
+    if (!end) return;
+    int n = digits >= 17 ? api_number_print(end, value)
+                         : snprintf(end, NUMBER_ROOM, "%.*g", digits, value);
+    commit(text, n < 0 ? 0 : (size_t)n);
+}
+
+void api_text_join(struct text *text, struct text *tail)
+{
+    text->failed |= tail->failed;
+    if (!tail->first) return;
+    if (text->last)
+        text->last->next = tail->first;
+    else
+        text->first = tail->first;
+    text->last = tail->last;
+    text->size += tail->size;
+    *tail = (struct text){.arena = tail->arena};
+}
+
+char *api_text_take(const struct text *text, size_t *size)
+{
+    char *bytes = text->failed ? NULL : malloc(text->size + 1);
+    if (!bytes) return NULL;
+    char *end = bytes;
+    for (const struct text_piece *piece = text->first; piece; piece = piece->next) {
+        memcpy(end, piece->bytes, piece->used);
+        end += piece->used;
+    }
+    *end = 0;
+    *size = text->size;
+    return bytes;
+}
+
+/* "1e-08" becomes "1e-8", "1e+04" becomes "1e4". */
+static int tidy_exponent(char *out)
+{
+    char *e = strchr(out, 'e');
+    if (!e) return (int)strlen(out);
+    char *from = e + 1, *to = e + 1;
+    if (*from == '-') *to++ = *from++;
+    if (*from == '+') from++;
+    while (*from == '0' && from[1]) from++;
+    while ((*to++ = *from++)) continue;
+    return (int)(to - out - 1);
+}
+
+/* The fewest digits after which %e reads back as value, tried in steps that fit what people write.
+ */
+static int digits_of(char *out, double value)
+{
+    static const int steps[] = {1, 2, 3, 6, 9, 12, 15, 16};
+    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
+        snprintf(out, NUMBER_ROOM, "%.*e", steps[i] - 1, value);
+        if (strtod(out, NULL) == value) return steps[i];
+    }
+    return 17;
+}
+
+int api_number_print(char *out, double value)
+{
+    if (!isfinite(value)) return snprintf(out, NUMBER_ROOM, "null");
+    int digits = digits_of(out, value);
+    /* %g drops the zeros of a step that was too long. */
+    snprintf(out, NUMBER_ROOM, "%.*g", digits, value);
+    int n = tidy_exponent(out);
+    char plain[NUMBER_ROOM];
+    bool is_whole = fabs(value) < 1e15 && value == floor(value);
+    int m = is_whole ? snprintf(plain, sizeof plain, "%.0f", value) : n + 1;
+    if (m > n) return n;
+    memcpy(out, plain, (size_t)m + 1);
+    return m;
+}
