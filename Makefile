@@ -77,6 +77,14 @@ $(B)/%.o: %.c Makefile
 $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS) $(LDLIBS_$(notdir $@))
 
+# ---- the black-box client: shares no code with the product -------------------------
+CLIENTS  := client abuse
+CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
+$(B)/tests/client/%.o: INC_tests :=
+$(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lcurl -ljansson -lz -lpthread -lm
+clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
+
 # ---- checks -----------------------------------------------------------------------
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
 check: $(TESTS) check-layers
@@ -95,6 +103,6 @@ check-layers: $(B)/libfacet.a $(B)/libapi.a
 	[ $$bad = 0 ] && echo "ok check-layers $(VARIANT)" || { echo "FAIL check-layers $(VARIANT)"; }
 
 clean: ; rm -rf build
-.PHONY: all check check-layers clean
+.PHONY: all clients check check-layers clean
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
