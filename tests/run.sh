@@ -1,0 +1,113 @@
+#!/usr/bin/env bash
+# Everything, once: builds each variant, runs each test, ends with "N passed, N failed[, N skipped]".
+# Collects the lines "ok|FAIL|skip name ..." of all steps in build/test.log; exit 0 only if nothing
+# failed and every step ran.  `make test` calls this; a step by hand: tests/run.sh STEP...
+set -u
+cd "$(dirname "$0")/.."
+export LC_ALL=C
+jobs=$(nproc 2>/dev/null || echo 2)
+log=build/test.log
+mkdir -p build/test
+: >"$log"
+started=$SECONDS
+
+# Each step is a process group of its own, so that nothing of it outlives this script.
+set -m
+child=
+end_child() { [ -z "$child" ] || kill -TERM -- "-$child" 2>/dev/null; }
+trap end_child EXIT
+trap 'exit 130' INT TERM
+
+# Shows FAIL lines with the indented details that came before them.
+show_failures() {
+    awk '/^  / { detail = detail $0 "\n"; next }
+         /^FAIL / { printf "%s%s\n", detail, $0; fflush() }
+         { detail = "" }'
+}
+
+# step NAME COMMAND...: a step that ends badly without saying FAIL, or says nothing at all, failed.
+step() {
+    local name=$1 out=build/test/$1.log begin=$SECONDS status
+    shift
+    [ ${#wanted[@]} -eq 0 ] || [[ " ${wanted[*]} " == *" $name "* ]] || return 0
+    "$@" >"$out" 2>&1 </dev/null &
+    child=$!
+    wait "$child"
+    status=$?
+    child=
+    grep -aE '^(ok|FAIL|skip) ' "$out" >"$out.lines"
+    if [ $status -ne 0 ] && ! grep -q '^FAIL ' "$out.lines"; then
+        tail -n 25 "$out" | sed 's/^/  /'
+        echo "FAIL $name: exit $status" | tee -a "$out.lines"
+    elif [ ! -s "$out.lines" ]; then
+        tail -n 25 "$out" | sed 's/^/  /'
+        echo "FAIL $name: ran no test" | tee -a "$out.lines"
+    else
+        show_failures <"$out"
+    fi
+    cat "$out.lines" >>"$log"
+    printf '== %-14s %5d ok %3d failed %3d skipped %4d s\n' "$name" \
+        "$(grep -c '^ok ' "$out.lines")" "$(grep -c '^FAIL ' "$out.lines")" \
+        "$(grep -c '^skip ' "$out.lines")" $((SECONDS - begin))
+}
+
+# A build is a step too: it says ok, or shows what the compiler said.
+build() {
+    make -s -j"$jobs" "$@" && echo "ok build $*"
+}
+
+check() {
+    make -s -j"$jobs" check "$@"
+}
+
+cases() {
+    FACET_DAEMON_LOG=$PWD/build/test/$1.daemon.log build/release/tests/client/facet_client \
+        --daemon "build/$1/facetd" --cases tests/client/cases --jobs "$jobs" \
+        --report "build/test/$1.cases.jsonl" | sed "s|^\(ok\|FAIL\|skip\) client/|&$1/|"
+    sanitizer "$1"
+}
+
+abuse() {
+    FACET_DAEMON_LOG=$PWD/build/test/$1.daemon.log build/release/tests/client/facet_abuse \
+        --daemon "build/$1/facetd" --cases tests/client/cases --memory "$2" |
+        sed "s|^\(ok\|FAIL\|skip\) abuse/|&$1/|"
+    sanitizer "$1"
+}
+
+# What the sanitizers wrote to a daemon's stderr fails the step by itself.
+sanitizer() {
+    local report=build/test/$1.daemon.log
+    if grep -qE 'Sanitizer|runtime error' "$report"; then
+        grep -m1 -A25 -E 'Sanitizer|runtime error' "$report" | sed 's/^/  /'
+        echo "FAIL $1 daemon: see $report"
+    fi
+}
+
+demo() {
+    make -s demo && echo "ok demo"
+}
+
+rm -f build/test/*.daemon.log
+wanted=("$@")
+step packages     make -s deps-check
+step build        build all clients
+step gcc          check
+step clang        check VARIANT=clang CHECK_ISAS=best
+step asan         env FACET_TEST_SCALE=0.1 make -s -j"$jobs" check VARIANT=asan CHECK_ISAS=best
+step tsan         env FACET_TEST_SCALE=0.05 make -s -j"$jobs" check VARIANT=tsan CHECK_ISAS=best
+step daemons      build VARIANT=asan
+step cases        cases release
+step abuse        abuse release yes
+step cases-asan   cases asan
+step abuse-asan   abuse asan no
+step demo         demo
+step texts        tests/texts.sh
+
+passed=$(grep -c '^ok ' "$log") failed=$(grep -c '^FAIL ' "$log") skipped=$(grep -c '^skip ' "$log")
+echo "in $((SECONDS - started)) s; every line is in $log"
+if [ "$skipped" -gt 0 ]; then
+    echo "$passed passed, $failed failed, $skipped skipped"
+else
+    echo "$passed passed, $failed failed"
+fi
+[ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
