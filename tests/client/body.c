@@ -1,6 +1,7 @@
 #include "body.h"
 #include "image.h"
 
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -96,6 +97,20 @@ static char *generated(const json_t *from, size_t *size)
     return NULL;
 }
 
+char *body_json(const json_t *value)
+{
+    char *text = NULL;
+    for (size_t digits = 15; digits <= 17; digits++) {
+        free(text);
+        text = json_dumps(value, JSON_COMPACT | JSON_ENCODE_ANY | JSON_REAL_PRECISION(digits));
+        json_t *back = text ? json_loads(text, JSON_DECODE_ANY, NULL) : NULL;
+        bool same = json_equal(back, value);
+        json_decref(back);
+        if (same) break;
+    }
+    return text;
+}
+
 enum body_result body_make(const json_t *request, struct body *body)
 {
     const json_t *part;
@@ -103,7 +118,7 @@ enum body_result body_make(const json_t *request, struct body *body)
     body->type = "application/x-www-form-urlencoded"; /* what curl -d and --data-binary send */
     if ((part = json_object_get(request, "json"))) {
         body->type = "application/json";
-        body->bytes = json_dumps(part, JSON_COMPACT | JSON_ENCODE_ANY | JSON_REAL_PRECISION(17));
+        body->bytes = body_json(part);
         if (body->bytes) body->size = strlen(body->bytes);
     } else if ((part = json_object_get(request, "text"))) {
         body->bytes = strdup(json_string_value(part));

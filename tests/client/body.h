@@ -24,6 +24,10 @@ struct body {
 enum body_result body_make(const json_t *request, struct body *body);
 void body_clear(struct body *body);
 
+/* As compact text, with the fewest digits that give the same numbers back (0.3, not
+ * 0.29999999999999999). */
+char *body_json(const json_t *value);
+
 /* Path below shared data ($FACET_DATA, else ../shared/data). */
 void body_data_path(const char *relative, char *path, size_t size);
 /* The whole file, NUL-terminated; NULL if it cannot be read. */

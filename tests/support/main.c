@@ -129,6 +129,7 @@ int main(int argc, char **argv)
 {
     const char *program = strrchr(argv[0], '/'), *isa = getenv("FACET_ISA");
     program = program ? program + 1 : argv[0];
+    if (isa && !strcmp(isa, "best")) isa = NULL;
     if (isa && facet_isa_select(isa) != FACET_OK) {
         printf("skip %s: this processor does not run %s\n", program, isa);
         return 0;
