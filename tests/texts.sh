@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Do the texts say what is so?  README's table of packages against packages.txt, every path and every
+# make target a text names, README's requests against a daemon.  `tests/texts.sh packages` prints the table.
+set -u
+cd "$(dirname "$0")/.."
+failed=0
+say() { # say ok|FAIL NAME [DETAIL]
+    [ -z "${3:-}" ] || printf '%s\n' "$3" | sed 's/^/  /'
+    echo "$1 texts/$2"
+    [ "$1" = ok ] || failed=1
+}
+
+packages() {
+    echo '| Debian package | needed | why |'
+    echo '|---|---|---|'
+    awk -F'|' '!/^#/ && NF == 3 {
+        for (i = 1; i <= 3; i++) gsub(/^ +| +$/, "", $i)
+        when = $2 == "build" ? "to build" : $2 == "run" ? "to run" : "for `make test`"
+        printf "| `%s` | %s | %s |\n", $1, when, $3 }' packages.txt
+}
+[ "${1:-}" != packages ] || { packages; exit; }
+
+# 1. the table of packages
+difference=$(diff <(packages) <(grep -E '^\|.*\|$' README.md | awk '/^\| Debian package/ {on = 1} on')) &&
+    say ok packages || say FAIL packages "$difference
+tests/texts.sh packages prints the table README should have"
+
+# 2. every path in backticks exists, be it whole, a pattern, or one of its <placeholders>
+for text in README.md CONTRIBUTING.md lib/NOTATION.md; do
+    missing=
+    for path in $(grep -oE '`(api|lib|server|tests|\.ci)/[^` ]*`' "$text" | tr -d '`' | sort -u); do
+        pattern=$(sed 's/<[^>]*>/*/g' <<<"$path")
+        compgen -G "$pattern" >/dev/null || missing+="$text names $path, which is not there"$'\n'
+    done
+    [ -z "$missing" ] && say ok "paths $text" || say FAIL "paths $text" "${missing%$'\n'}"
+done
+
+# 3. every make target exists
+missing=
+for target in $(grep -ohE '`make [a-z][a-z-]*' README.md CONTRIBUTING.md | cut -d' ' -f2 | sort -u); do
+    grep -qE "^([a-z-]+ )*$target( [a-z-]+)*:" Makefile || missing+="no make target $target"$'\n'
+done
+[ -z "$missing" ] && say ok targets || say FAIL targets "${missing%$'\n'}"
+
+# 4. README's requests and answers
+build/release/tests/client/facet_readme --daemon build/release/facetd --cases tests/client/cases \
+    --check README.md || failed=1
+exit $failed
