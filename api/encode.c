@@ -3,8 +3,6 @@
 
 #include <math.h>
 
-enum { EXACT = 17 };
-
 static void encode_value(struct text *text, const struct field *field, const void *object);
 
 static void encode_run(struct text *text, const double *values, size_t n)
@@ -12,7 +10,7 @@ static void encode_run(struct text *text, const double *values, size_t n)
     api_text_put(text, "[");
     for (size_t i = 0; i < n; i++) {
         if (i) api_text_put(text, ",");
-        api_text_number(text, values[i], EXACT);
+        api_text_number(text, values[i], NUMBER_SHORTEST);
     }
     api_text_put(text, "]");
 }
@@ -90,7 +88,7 @@ static void encode_value(struct text *text, const struct field *field, const voi
     const struct colour *colour = at;
     switch (field->type) {
     case FIELD_NUMBER:
-        api_text_number(text, *(const double *)at, EXACT);
+        api_text_number(text, *(const double *)at, NUMBER_SHORTEST);
         break;
     case FIELD_INTEGER:
         api_text_print(text, "%lld", (long long)*(const int64_t *)at);
@@ -109,7 +107,7 @@ static void encode_value(struct text *text, const struct field *field, const voi
         break;
     case FIELD_COLOUR:
         if (colour->channels == 1)
-            api_text_number(text, colour->value[0], EXACT);
+            api_text_number(text, colour->value[0], NUMBER_SHORTEST);
         else
             encode_run(text, colour->value, 3);
         break;

@@ -263,6 +263,12 @@ static bool decode_matrix(const json_t *json, const struct field *field, struct 
     if (!json_is_array(json)) return wrong_type(json, "an array of rows", place, decoder);
     struct place first = {place, NULL, 0};
     size_t rows = json_array_size(json), columns = json_array_size(json_array_get(json, 0));
+    if (field->width == 1 && rows && json_is_number(json_array_get(json, 0))) {
+        struct numbers column;
+        if (!decode_numbers(json, field, &column, place, decoder)) return false;
+        *out = (struct matrix){column.count, 1, column.values};
+        return true;
+    }
     if (!rows) return api_problem_at(decoder->problem, place, "has 0 rows, must have at least 1");
     if (!columns)
         return api_problem_at(decoder->problem, &first, "must be an array of at least 1 number");

@@ -30,7 +30,8 @@ enum field_type {
     FIELD_NUMBERS, /* struct numbers; absent values = NULL */
     FIELD_VECTORS, /* struct numbers of `width` each: [[x,y,z],..] or [x,y,z,..]; absent values =
                       NULL */
-    FIELD_MATRIX,  /* struct matrix: rows of equal length; absent values = NULL */
+    FIELD_MATRIX,  /* struct matrix: rows of equal length; with width 1 also a plain list, which is
+                      one column; absent values = NULL */
     FIELD_OBJECT,  /* struct in place, by `fields` */
     FIELD_OPTION,  /* pointer to a struct of `size` bytes, by `fields`; absent NULL */
     FIELD_LIST,    /* struct list of structs of `size` bytes, by `fields`; absent items = NULL */
@@ -81,7 +82,7 @@ struct field {
     const char *const *names; /* ENUM, SET: NULL-terminated */
     const struct field *fields;
     size_t size;                 /* OPTION, LIST */
-    size_t width;                /* VECTORS, PRINTED */
+    size_t width;                /* VECTORS, PRINTED, MATRIX */
     size_t min_items, max_items; /* NUMBERS, VECTORS, LIST; max 0: unlimited */
     bool one_of;                 /* OBJECT, OPTION: exactly one member */
     /* Called on a struct decoded without error: what a table cannot say. */

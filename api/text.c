@@ -96,8 +96,8 @@ void api_text_number(struct text *text, double value, int digits)
 {
     char *end = reserve(text, NUMBER_ROOM);
     if (!end) return;
-    int n = digits >= 17 ? api_number_print(end, value)
-                         : snprintf(end, NUMBER_ROOM, "%.*g", digits, value);
+    int n = digits == NUMBER_SHORTEST ? api_number_print(end, value)
+                                      : snprintf(end, NUMBER_ROOM, "%.*g", digits, value);
     commit(text, n < 0 ? 0 : (size_t)n);
 }
 

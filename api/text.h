@@ -38,7 +38,7 @@ void api_text_join(struct text *text, struct text *tail);
 char *api_text_take(const struct text *text, size_t *size);
 
 /* Room for any number api_number_print makes. */
-enum { NUMBER_ROOM = 40 };
+enum { NUMBER_ROOM = 40, NUMBER_SHORTEST = 0 };
 /* Shortest decimal that reads back as value, with the shorter of 1e4 and 10000; its length. */
 int api_number_print(char *out, double value);
 

@@ -1,0 +1,248 @@
+/* POST /v1/sample: directions wi drawn from the visible normals of wo. */
+#include "endpoint.h"
+#include "evaluate.h"
+#include "limits.h"
+#include "random.h"
+#include "sampler.h"
+
+enum { WI, WEIGHT, PDF, H, OUTPUT_COUNT };
+
+static const char *const output_names[] = {"wi", "weight", "pdf", "h", NULL};
+
+struct sample_request {
+    struct material material;
+    struct directions wo;
+    struct numbers u; /* pairs */
+    int64_t n, seed;
+    int pairing, sampler;
+    uint32_t outputs;
+    int64_t channels;
+    bool flat;
+    struct tolerance_request accuracy;
+};
+
+struct sample_response {
+    struct text *of[OUTPUT_COUNT];
+    int64_t count, wasted;
+    const char *sampler;
+    struct accuracy accuracy;
+};
+
+#define R(member) MEMBER(struct sample_request, member)
+
+static const struct field request_fields[] = {
+    MATERIAL_FIELD(struct sample_request),
+    DIRECTIONS_FIELD(struct sample_request, wo, FIELD_MUST, "towards the viewer"),
+    {R(u), FIELD_VECTORS, .width = 2, .min = 0, .max = 1, .open_max = true, .min_items = 1,
+     .max_items = LIMIT_EVALUATIONS, .doc = "[u1,u2] per sample; pairs with wo as pairing says"},
+    {R(n), FIELD_INTEGER, .min = 1, .max = LIMIT_EVALUATIONS,
+     .doc = "instead of u: samples per wo, all those of the first wo first"},
+    {R(seed), FIELD_INTEGER, .min = 0, .max = 0x1p53,
+     .doc = "with n: sample k has u = values 2k and 2k + 1 of the SplitMix64 stream; 0 by default"},
+    PAIRING_FIELD(struct sample_request, pairing),
+    SAMPLER_FIELD(struct sample_request),
+    {R(outputs), FIELD_SET, FIELD_DEFAULT, .names = output_names,
+     .initial = 1 << WI | 1 << WEIGHT | 1 << PDF, .doc = "what to return"},
+    CHANNELS_FIELD(struct sample_request),
+    FLAT_FIELD(struct sample_request),
+    TOLERANCE_FIELDS(struct sample_request),
+    {0},
+};
+
+#define OF(id) .offset = offsetof(struct sample_response, of[id]), .type = FIELD_PRINTED
+
+static const struct field response_fields[] = {
+    {.name = "wi",
+     OF(WI),
+     .width = 3,
+     .doc = "sampled directions; bound and floor as if of length 1"},
+    {.name = "weight", OF(WEIGHT), .doc = "fr cos(theta_i) / pdf; 0 below the horizon"},
+    {.name = "pdf", OF(PDF), .width = 1, .doc = "density of wi, per steradian"},
+    {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; bound and floor as of wi"},
+    COUNT_FIELD(struct sample_response),
+    {MEMBER(struct sample_response, wasted), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,
+     .doc = "samples below the horizon, weight 0"},
+    {MEMBER(struct sample_response, sampler), FIELD_TEXT, FIELD_MUST, .doc = "the method used"},
+    ACCURACY_FIELD(struct sample_response),
+    {0},
+};
+
+struct job {
+    const struct sample_request *in;
+    struct surface surface;
+    struct plan wo;
+    struct pairing pairing; /* first: u, second: wo */
+    struct promise promise;
+    double *from[3], *u[2], *wi[3], *h[3], *weight[3], *pdf;
+    struct results results[OUTPUT_COUNT];
+    size_t channels, wasted;
+};
+
+static bool asked(const struct job *job, int output)
+{
+    return job->in->outputs >> output & 1;
+}
+
+static bool bound_of(const void *asked_, facet_tier tier, double *bound)
+{
+    const struct job *job = asked_;
+    return facet_sample_bound(job->surface.brdf, tier,
+                              job->wo.input_error + job->surface.input_error, bound);
+}
+
+/* u as a list pairs like directions; n per wo is every k of n with every wo. */
+static bool pair_up(struct job *job, struct problem *problem)
+{
+    static const char *const names[] = {"u", "wo"};
+    const struct sample_request *in = job->in;
+    bool by_n = in->n > 0, by_list = in->u.values;
+    struct place u = {NULL, "u", 0}, n = {NULL, "n", 0}, seed = {NULL, "seed", 0};
+    if (by_n == by_list)
+        return api_problem_at(problem, by_n ? &n : &u, by_n ? "excludes u" : "or n is required");
+    if (in->seed >= 0 && !by_n) return api_problem_at(problem, &seed, "needs n");
+    if (by_list)
+        return api_pairing(in->u.count, job->wo.count, in->pairing, names, problem, &job->pairing);
+    if ((size_t)in->n > LIMIT_EVALUATIONS / job->wo.count)
+        return api_problem_at(problem, &n, "%lld samples of %zu directions are outside [1, %d]",
+                              (long long)in->n, job->wo.count, LIMIT_EVALUATIONS);
+    job->pairing =
+        (struct pairing){(size_t)in->n, job->wo.count, (size_t)in->n * job->wo.count, true};
+    return true;
+}
+
+static void fill_u(const struct job *job, size_t start, size_t n)
+{
+    const struct sample_request *in = job->in;
+    uint64_t seed = in->seed < 0 ? 0 : (uint64_t)in->seed;
+    for (size_t i = 0; i < n; i++) {
+        size_t k = start + i;
+        if (in->u.values) {
+            size_t at = job->pairing.outer ? k % in->u.count : in->u.count == 1 ? 0 : k;
+            job->u[0][i] = in->u.values[2 * at];
+            job->u[1][i] = in->u.values[2 * at + 1];
+        } else {
+            job->u[0][i] = api_random(seed, 2 * (uint64_t)k);
+            job->u[1][i] = api_random(seed, 2 * (uint64_t)k + 1);
+        }
+    }
+}
+
+static bool allocate(struct job *job, struct arena *arena)
+{
+    size_t n = job->pairing.count < CHUNK ? job->pairing.count : CHUNK;
+    double **const wanted[] = {&job->from[0], &job->from[1], &job->from[2], &job->u[0],
+                               &job->u[1],    &job->wi[0],   &job->wi[1],   &job->wi[2]};
+    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
+        if (!(*wanted[i] = api_arena_doubles(arena, n))) return false;
+    for (size_t k = 0; k < 3 && asked(job, H); k++)
+        if (!(job->h[k] = api_arena_doubles(arena, n))) return false;
+    for (size_t k = 0; k < job->surface.channels && asked(job, WEIGHT); k++)
+        if (!(job->weight[k] = api_arena_doubles(arena, n))) return false;
+    return !asked(job, PDF) || (job->pdf = api_arena_doubles(arena, n));
+}
+
+static void open_results(struct job *job, struct arena *arena)
+{
+    const size_t widths[OUTPUT_COUNT] = {3, job->channels, 1, 3};
+    for (int i = 0; i < OUTPUT_COUNT; i++)
+        api_results_open(&job->results[i], arena, widths[i], job->in->flat, job->promise.digits);
+}
+
+static bool print_chunk(struct call *call, struct job *job, size_t n)
+{
+    double *const *w = job->weight;
+    double *weight[3] = {w[0], w[1] ? w[1] : w[0], w[2] ? w[2] : w[0]};
+    double *pdf[1] = {job->pdf};
+    double *const *const columns[OUTPUT_COUNT] = {job->wi, weight, pdf, job->h};
+    for (int i = 0; i < OUTPUT_COUNT; i++)
+        if (asked(job, i) && !api_results_add(&job->results[i], columns[i], n))
+            return api_problem(call->problem, 500, "%s of sample %zu is not finite",
+                               output_names[i], job->results[i].count);
+    return true;
+}
+
+static bool compute(struct call *call, struct job *job)
+{
+    struct api_trace *trace = &call->response->trace;
+    facet_samples samples = {{job->wi[0], job->wi[1], job->wi[2]},
+                             {job->h[0], job->h[1], job->h[2]},
+                             {job->weight[0], job->weight[1], job->weight[2]},
+                             job->pdf};
+    facet_vec3_in from = {job->from[0], job->from[1], job->from[2]};
+    for (size_t i = 0, n; i < job->pairing.count; i += n) {
+        n = job->pairing.count - i < CHUNK ? job->pairing.count - i : CHUNK;
+        if (!api_still_wanted(call)) return false;
+        double start = api_clock();
+        api_pairing_fill(&job->pairing, false, &job->wo, i, n, job->from);
+        fill_u(job, i, n);
+        facet_status status = facet_sample(job->surface.brdf, job->promise.tier, from, job->u[0],
+                                           job->u[1], n, &samples);
+        if (status) return api_problem_status(call->problem, status, NULL);
+        for (size_t k = 0; k < n; k++) job->wasted += !(job->wi[2][k] > 0);
+        double computed = api_clock();
+        trace->compute_us += computed - start;
+        if (!print_chunk(call, job, n)) return false;
+        trace->encode_us += api_clock() - computed;
+        trace->evaluations += n;
+    }
+    return true;
+}
+
+static bool prepare(struct call *call, struct job *job)
+{
+    struct decoder decoder = {call->arena, call->problem};
+    struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0},
+                 ndf = {&material, "ndf", 0};
+    const struct sample_request *in = job->in;
+    if (in->material.ndf == FACET_TABULATED)
+        return api_problem_at(call->problem, &ndf, "\"tabulated\" cannot be sampled yet");
+    if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) ||
+        !api_material_open(&in->material, &material, &decoder, &job->surface))
+        return false;
+    job->channels = api_channels(in->channels, job->surface.channels, call->problem);
+    if (!job->channels) return false;
+    size_t numbers = (asked(job, WI) ? 3 : 0) + (asked(job, WEIGHT) ? job->channels : 0) +
+                     asked(job, PDF) + (asked(job, H) ? 3 : 0);
+    if (!api_numbers_fit(job->pairing.count, numbers, call->problem) ||
+        !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
+        return false;
+    open_results(job, call->arena);
+    return allocate(job, call->arena) || api_problem_memory(call->problem);
+}
+
+static bool handle(struct call *call)
+{
+    struct sample_response *out = call->out;
+    double start = api_clock();
+    struct job *job = api_arena_array(call->arena, 1, sizeof *job);
+    if (!job) return api_problem_memory(call->problem);
+    job->in = call->in;
+    out->sampler = api_sampler(job->in->sampler, (facet_ndf)job->in->material.ndf, call->problem);
+    if (!out->sampler || !prepare(call, job)) return false;
+    call->response->trace.decode_us += api_clock() - start;
+    call->response->trace.tier = api_tier_names[job->promise.tier];
+    if (!compute(call, job)) return false;
+    for (int i = 0; i < OUTPUT_COUNT; i++) {
+        api_results_close(&job->results[i]);
+        if (asked(job, i)) out->of[i] = &job->results[i].text;
+    }
+    out->count = (int64_t)job->pairing.count;
+    out->wasted = (int64_t)job->wasted;
+    out->accuracy =
+        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR};
+    return true;
+}
+
+const struct endpoint api_endpoint_sample = {
+    .method = "POST",
+    .path = "/v1/sample",
+    .summary = "Sample directions of light for directions of view",
+    .request = request_fields,
+    .request_size = sizeof(struct sample_request),
+    .response = response_fields,
+    .response_size = sizeof(struct sample_response),
+    .is_long = true,
+    .example = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]],"
+               "\"u\":[[0.25,0.5],[0.5,0.75]]}",
+    .handle = handle,
+};

@@ -1,0 +1,52 @@
+/* evaluate.h - what /v1/eval and /v1/pdf share: pairs in, printed arrays out, chunk by chunk. */
+#ifndef API_EVALUATE_H
+#define API_EVALUATE_H
+
+#include "endpoint.h"
+#include "material.h"
+#include "pairs.h"
+#include "results.h"
+#include "tolerance.h"
+
+/* Pairs computed and printed at a time: they stay in the second-level cache. */
+enum { CHUNK = 8192 };
+
+#define CHANNELS_FIELD(type_)                                                                      \
+    {                                                                                              \
+        MEMBER(type_, channels), FIELD_INTEGER,                                                    \
+            .min = 1, .max = 3,                                                                    \
+            .doc = "3: [r,g,b] for coloured quantities even if the material is achromatic"         \
+    }
+#define FLAT_FIELD(type_)                                                                          \
+    {                                                                                              \
+        MEMBER(type_, flat), FIELD_BOOL, FIELD_DEFAULT,                                            \
+            .doc = "arrays of vectors and colours as one flat list"                                \
+    }
+#define COUNT_FIELD(type_)                                                                         \
+    {                                                                                              \
+        MEMBER(type_, count), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,                  \
+                                                         .doc = "elements of each array"           \
+    }
+
+struct evaluation {
+    const struct material *material;
+    const struct pair_request *pairs;
+    const struct tolerance_request *accuracy;
+    uint32_t outputs; /* a bit per facet_quantity */
+    int64_t channels; /* forced; -1: as the material has */
+    bool flat;
+    /* Filled in: */
+    struct text *of[FACET_QUANTITY_COUNT];
+    size_t count;
+    struct accuracy answer;
+};
+
+bool api_evaluate(struct call *call, struct evaluation *evaluation);
+
+/* channels as requested (-1: not), checked against what the material has; 0 and a problem if
+ * impossible. */
+size_t api_channels(int64_t requested, size_t material, struct problem *problem);
+/* 422 at /outputs where an answer would hold too many numbers. */
+bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem);
+
+#endif

@@ -1,0 +1,373 @@
+#include "material.h"
+
+#include "facet_table.h"
+#include "limits.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+const char *const api_ndf_names[] = {"ggx", "beckmann", "tabulated", NULL};
+const char *const api_masking_names[] = {"smith", "smith_uncorrelated", "vgroove", "none", NULL};
+const char *const api_shear_names[] = {"energy_safe", "thesis", NULL};
+
+static const struct metal {
+    double eta[3], k[3];
+} metals[] = {
+#define METAL(name, er, eg, eb, kr, kg, kb, source) {{er, eg, eb}, {kr, kg, kb}},
+#include "metals.def"
+#undef METAL
+};
+
+static const char *const metal_names[] = {
+#define METAL(name, er, eg, eb, kr, kg, kb, source) #name,
+#include "metals.def"
+#undef METAL
+    NULL,
+};
+
+/* ---- Tables ------------------------------------------------------------------------- */
+
+static bool check_conductor(void *object, const struct place *place, struct decoder *decoder)
+{
+    const struct conductor *conductor = object;
+    bool has_eta = conductor->eta.channels, has_k = conductor->k.channels;
+    if (conductor->metal >= 0 ? !has_eta && !has_k : has_eta && has_k) return true;
+    return api_problem_at(decoder->problem, place, "must have either eta and k, or metal");
+}
+
+static bool check_table(void *object, const struct place *place, struct decoder *decoder)
+{
+    const struct fresnel_table *table = object;
+    struct place nodes = {place, "cos_theta_d", 0}, values = {place, "values", 0};
+    for (size_t i = 1; i < table->cos_theta_d.count; i++) {
+        struct place at = {&nodes, NULL, i};
+        if (!(table->cos_theta_d.values[i] > table->cos_theta_d.values[i - 1]))
+            return api_problem_at(decoder->problem, &at, "must be larger than its predecessor");
+    }
+    if (table->values.columns != 1 && table->values.columns != 3)
+        return api_problem_at(decoder->problem, &values, "must hold numbers or [r,g,b]");
+    if (table->values.rows != table->cos_theta_d.count)
+        return api_problem_at(decoder->problem, &values, "has %zu elements, cos_theta_d has %zu",
+                              table->values.rows, table->cos_theta_d.count);
+    return true;
+}
+
+static const struct field schlick_fields[] = {
+    {MEMBER(struct schlick, f0), FIELD_COLOUR, FIELD_MUST, .min = 0, .max = 1,
+     .doc = "reflectance at normal incidence"},
+    {0},
+};
+
+static const struct field dielectric_fields[] = {
+    {MEMBER(struct dielectric, eta), FIELD_COLOUR, FIELD_MUST, .min = FACET_ETA_MIN,
+     .max = FACET_ETA_MAX, .doc = "index of refraction, inside over outside"},
+    {0},
+};
+
+static const struct field conductor_fields[] = {
+    {MEMBER(struct conductor, eta), FIELD_COLOUR, .min = FACET_ETA_MIN, .max = FACET_ETA_MAX,
+     .doc = "real part of the index of refraction"},
+    {MEMBER(struct conductor, k), FIELD_COLOUR, .min = 0, .max = FACET_K_MAX,
+     .doc = "extinction coefficient"},
+    {MEMBER(struct conductor, metal), FIELD_ENUM, .names = metal_names,
+     .doc = "eta and k of a metal at 630, 532 and 465 nm"},
+    {0},
+};
+
+static const struct field table_fields[] = {
+    {MEMBER(struct fresnel_table, cos_theta_d), FIELD_NUMBERS, FIELD_MUST, .min = 0, .max = 1,
+     .min_items = 2, .max_items = LIMIT_TABLE_NODES, .doc = "nodes, increasing"},
+    {MEMBER(struct fresnel_table, values), FIELD_MATRIX, FIELD_MUST, .min = 0, .max = 1e6,
+     .width = 1, .doc = "a number or [r,g,b] per node; linear between, constant outside"},
+    {0},
+};
+
+static const struct field fresnel_keys[] = {
+    {MEMBER(struct fresnel, schlick), FIELD_OPTION, .fields = schlick_fields,
+     .size = sizeof(struct schlick), .doc = "f0 + (1 - f0)(1 - cos theta_d)^5"},
+    {MEMBER(struct fresnel, dielectric), FIELD_OPTION, .fields = dielectric_fields,
+     .size = sizeof(struct dielectric), .doc = "unpolarised, 1 at total reflection"},
+    {MEMBER(struct fresnel, conductor), FIELD_OPTION, .fields = conductor_fields,
+     .size = sizeof(struct conductor), .check = check_conductor, .doc = "unpolarised"},
+    {MEMBER(struct fresnel, table), FIELD_OPTION, .fields = table_fields,
+     .size = sizeof(struct fresnel_table), .check = check_table, .doc = "values over cos theta_d"},
+    {0},
+};
+
+static const struct field fresnel_forms[] = {
+    [FRESNEL_WORD_IDEAL] = {.name = "ideal", .type = FIELD_WORD, .doc = "F = 1"},
+    [FRESNEL_BY_KEY] = {.name = "by key",
+                        .type = FIELD_OBJECT,
+                        .fields = fresnel_keys,
+                        .one_of = true},
+    {0},
+};
+
+static const struct field slopes_fields[] = {
+    {MEMBER(struct slopes, scale), FIELD_NUMBER, FIELD_MUST, .min = FACET_ALPHA_MIN,
+     .max = FACET_ALPHA_MAX,
+     .doc = "the nodes are uniform in u = tan theta / (scale + tan theta), 0 to 1"},
+    {MEMBER(struct slopes, log_D), FIELD_NUMBERS, FIELD_MUST, .min = -1e4, .max = 1e3,
+     .min_items = FACET_TABLE_NODES_MIN, .max_items = LIMIT_TABLE_NODES,
+     .doc = "log of the normal distribution at the nodes; -700 and below count as D = 0"},
+    {0},
+};
+
+#define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
+#define M(member) MEMBER(struct material, member)
+
+const struct field api_material_fields[] = {
+    {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names, .doc = "distribution of slopes"},
+    {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes),
+     .doc = "the table of a tabulated distribution, as a fit returns it"},
+    {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness; 1 for tabulated by default"},
+    {M(alpha_x), FIELD_NUMBER, ALPHA, .doc = "roughness along x, with alpha_y"},
+    {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
+    {M(rho), FIELD_NUMBER, .min = -FACET_RHO_MAX, .max = FACET_RHO_MAX,
+     .doc = "correlation of the slopes, with alpha_x and alpha_y; 0 by default"},
+    {M(alpha_1), FIELD_NUMBER, ALPHA, .doc = "roughness along the first axis, with alpha_2"},
+    {M(alpha_2), FIELD_NUMBER, ALPHA, .doc = "roughness along the second axis, with alpha_1"},
+    {M(phi), FIELD_NUMBER, .min = -100, .max = 100, .unit = "rad",
+     .doc = "the first axis lies at -phi (Dupuy 2.25), with alpha_1 and alpha_2; 0 by default"},
+    {M(moments), FIELD_NUMBERS, .min = -1e12, .max = 1e12, .min_items = 5, .max_items = 5,
+     .doc = "E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; beckmann; carries the mean slope"},
+    {M(mean_slope), FIELD_NUMBERS, .min = -FACET_MEAN_SLOPE_MAX, .max = FACET_MEAN_SLOPE_MAX,
+     .min_items = 2, .max_items = 2, .doc = "mean slope along x and y; [0,0] by default"},
+    {M(masking), FIELD_ENUM, FIELD_DEFAULT, .names = api_masking_names,
+     .doc = "masking and shadowing; smith is height-correlated"},
+    {M(shear), FIELD_ENUM, FIELD_DEFAULT, .names = api_shear_names,
+     .doc = "masking of a surface with a mean slope; with thesis weights may exceed 1"},
+    {M(fresnel), FIELD_UNION, FIELD_DEFAULT, .fields = fresnel_forms, .initial = FRESNEL_WORD_IDEAL,
+     .doc = "Fresnel term"},
+    {0},
+};
+
+/* ---- Roughness --------------------------------------------------------------------------- */
+
+static bool given(double x)
+{
+    return !isnan(x);
+}
+
+/* Of the members of one form: `needed` are all there or none is, `extra` only beside them. */
+static bool check_form(const struct material *m, const struct place *place, struct decoder *decoder)
+{
+    const struct {
+        double first, second, extra;
+        const char *name_first, *name_second, *name_extra;
+    } forms[] = {
+        {m->alpha_x, m->alpha_y, m->rho, "alpha_x", "alpha_y", "rho"},
+        {m->alpha_1, m->alpha_2, m->phi, "alpha_1", "alpha_2", "phi"},
+    };
+    for (int i = 0; i < 2; i++) {
+        bool any = given(forms[i].first) || given(forms[i].second) || given(forms[i].extra);
+        struct place first = {place, forms[i].name_first, 0},
+                     second = {place, forms[i].name_second, 0};
+        if (any && !given(forms[i].first))
+            return api_problem_at(decoder->problem, &first, "is required with %s",
+                                  given(forms[i].second) ? forms[i].name_second
+                                                         : forms[i].name_extra);
+        if (any && !given(forms[i].second))
+            return api_problem_at(decoder->problem, &second, "is required with %s",
+                                  forms[i].name_first);
+    }
+    return true;
+}
+
+static bool check_roughness(const struct material *m, const struct place *place,
+                            struct decoder *decoder)
+{
+    struct place moments = {place, "moments", 0};
+    if (!check_form(m, place, decoder)) return false;
+    int forms =
+        given(m->alpha) + given(m->alpha_x) + given(m->alpha_1) + (m->moments.values != NULL);
+    if (forms > 1 || (!forms && m->ndf != FACET_TABULATED))
+        return api_problem_at(decoder->problem, place,
+                              "must have exactly one roughness: alpha, or alpha_x and alpha_y, "
+                              "or alpha_1 and alpha_2, or moments");
+    if (!m->moments.values) return true;
+    if (m->ndf != FACET_BECKMANN)
+        return api_problem_at(decoder->problem, &moments, "need ndf \"beckmann\"");
+    if (m->mean_slope.values)
+        return api_problem_at(decoder->problem, &moments, "carry the mean slope: drop mean_slope");
+    return true;
+}
+
+bool api_material_check(void *material, const struct place *place, struct decoder *decoder)
+{
+    const struct material *m = material;
+    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0};
+    if (m->ndf == FACET_TABULATED && !m->slopes)
+        return api_problem_at(decoder->problem, &slopes, "is required with ndf \"tabulated\"");
+    if (m->ndf != FACET_TABULATED && m->slopes)
+        return api_problem_at(decoder->problem, &slopes, "needs ndf \"tabulated\"");
+    if (m->shear == FACET_THESIS && m->masking != FACET_SMITH &&
+        m->masking != FACET_SMITH_UNCORRELATED)
+        return api_problem_at(decoder->problem, &shear, "\"thesis\" needs a smith masking");
+    return check_roughness(m, place, decoder);
+}
+
+struct covariance api_covariance(const double e[5])
+{
+    /* One rounding each: the difference is exact but for it. */
+    return (struct covariance){fma(-e[0], e[0], e[2]), fma(-e[1], e[1], e[3]),
+                               fma(-e[0], e[1], e[4])};
+}
+
+static bool is_alpha(double alpha)
+{
+    return alpha >= FACET_ALPHA_MIN && alpha <= FACET_ALPHA_MAX;
+}
+
+/* Beckmann from moments: alpha^2 = 2 variance (Dupuy 5.1). */
+static bool open_moments(const struct material *m, const struct place *place,
+                         struct decoder *decoder, struct surface *surface)
+{
+    const double *e = m->moments.values;
+    struct place at = {place, "moments", 0};
+    struct covariance c = api_covariance(e);
+    double det = fma(c.xx, c.yy, -c.xy * c.xy);
+    if (!(c.xx > 0 && c.yy > 0 && det > 0))
+        return api_problem_at(
+            decoder->problem, &at,
+            "the covariance [[%.6g, %.6g], [%.6g, %.6g]] is not positive definite", c.xx, c.xy,
+            c.xy, c.yy);
+    facet_roughness *r = &surface->facet.roughness;
+    *r = (facet_roughness){sqrt(2 * c.xx), sqrt(2 * c.yy), c.xy / sqrt(c.xx * c.yy), e[0], e[1]};
+    if (!is_alpha(r->alpha_x) || !is_alpha(r->alpha_y) || fabs(r->rho) > FACET_RHO_MAX)
+        return api_problem_at(decoder->problem, &at,
+                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", r->alpha_x,
+                              r->alpha_y, r->rho);
+    /* A few roundings of each parameter; kappa = sqrt(1 - rho^2) takes those of rho divided by 1 -
+     * rho^2. */
+    surface->input_error = 8 * DBL_EPSILON * (c.xx * c.yy / det);
+    return true;
+}
+
+static bool open_ellipse(const struct material *m, const struct place *place,
+                         struct decoder *decoder, struct surface *surface)
+{
+    facet_ellipse ellipse = {m->alpha_1, m->alpha_2, given(m->phi) ? m->phi : 0};
+    facet_roughness *r = &surface->facet.roughness;
+    struct place at = {place, "alpha_1", 0};
+    facet_status status = facet_roughness_from_ellipse(&ellipse, r->slope_x, r->slope_y, r);
+    if (status) return api_problem_status(decoder->problem, status, &at);
+    surface->input_error = 8 * DBL_EPSILON / ((1 - r->rho) * (1 + r->rho));
+    return true;
+}
+
+static bool open_roughness(const struct material *m, const struct place *place,
+                           struct decoder *decoder, struct surface *surface)
+{
+    facet_roughness *r = &surface->facet.roughness;
+    if (m->mean_slope.values) {
+        r->slope_x = m->mean_slope.values[0];
+        r->slope_y = m->mean_slope.values[1];
+    }
+    if (m->moments.values) return open_moments(m, place, decoder, surface);
+    if (given(m->alpha_1)) return open_ellipse(m, place, decoder, surface);
+    r->alpha_x = given(m->alpha_x) ? m->alpha_x : given(m->alpha) ? m->alpha : 1;
+    r->alpha_y = given(m->alpha_x) ? m->alpha_y : r->alpha_x;
+    r->rho = given(m->rho) ? m->rho : 0;
+    return true;
+}
+
+/* ---- Fresnel -------------------------------------------------------------------------------- */
+
+static void spread(const struct colour *colour, double out[3])
+{
+    for (int i = 0; i < 3; i++) out[i] = colour->value[colour->channels == 3 ? i : 0];
+}
+
+static void open_conductor(const struct conductor *conductor, facet_fresnel *fresnel)
+{
+    fresnel->kind = FACET_FRESNEL_CONDUCTOR;
+    if (conductor->metal >= 0) {
+        fresnel->channels = 3;
+        memcpy(fresnel->eta, metals[conductor->metal].eta, sizeof fresnel->eta);
+        memcpy(fresnel->k, metals[conductor->metal].k, sizeof fresnel->k);
+        return;
+    }
+    bool coloured = conductor->eta.channels == 3 || conductor->k.channels == 3;
+    fresnel->channels = coloured ? 3 : 1;
+    spread(&conductor->eta, fresnel->eta);
+    spread(&conductor->k, fresnel->k);
+}
+
+static bool open_table(const struct fresnel_table *table, struct decoder *decoder,
+                       facet_fresnel *fresnel)
+{
+    size_t n = table->cos_theta_d.count, channels = table->values.columns;
+    double *columns = api_arena_doubles(decoder->arena, n * channels);
+    if (!columns) return api_problem_memory(decoder->problem);
+    for (size_t c = 0; c < channels; c++) {
+        for (size_t i = 0; i < n; i++) columns[c * n + i] = table->values.values[i * channels + c];
+        fresnel->values[c] = columns + c * n;
+    }
+    fresnel->kind = FACET_FRESNEL_TABLE;
+    fresnel->channels = channels;
+    fresnel->count = n;
+    fresnel->cos_theta_d = table->cos_theta_d.values;
+    return true;
+}
+
+static bool open_fresnel(const struct fresnel *in, struct decoder *decoder, facet_fresnel *fresnel)
+{
+    *fresnel = (facet_fresnel){.kind = FACET_FRESNEL_IDEAL, .channels = 1};
+    if (in->form != FRESNEL_BY_KEY) return true;
+    if (in->table) return open_table(in->table, decoder, fresnel);
+    if (in->conductor) {
+        open_conductor(in->conductor, fresnel);
+        return true;
+    }
+    const struct colour *colour = in->schlick ? &in->schlick->f0 : &in->dielectric->eta;
+    fresnel->kind = in->schlick ? FACET_FRESNEL_SCHLICK : FACET_FRESNEL_DIELECTRIC;
+    fresnel->channels = colour->channels;
+    spread(colour, in->schlick ? fresnel->f0 : fresnel->eta);
+    return true;
+}
+
+/* ---- Open ---------------------------------------------------------------------------------------
+ */
+
+static void destroy_table(void *table)
+{
+    facet_slope_table_destroy(table);
+}
+
+static void destroy_brdf(void *brdf)
+{
+    facet_brdf_destroy(brdf);
+}
+
+static bool open_slopes(const struct slopes *slopes, const struct place *place,
+                        struct decoder *decoder, facet_material *material)
+{
+    facet_slope_table *table;
+    struct place at = {place, "slopes", 0};
+    facet_status status =
+        facet_slope_table_create(slopes->scale, slopes->log_D.values, slopes->log_D.count, &table);
+    if (status) return api_problem_status(decoder->problem, status, &at);
+    material->table = table;
+    return api_arena_defer(decoder->arena, destroy_table, table) ||
+           api_problem_memory(decoder->problem);
+}
+
+bool api_material_open(const struct material *material, const struct place *place,
+                       struct decoder *decoder, struct surface *surface)
+{
+    *surface = (struct surface){0};
+    facet_material *facet = &surface->facet;
+    facet->ndf = (facet_ndf)material->ndf;
+    facet->masking = (facet_masking)material->masking;
+    facet->shear = (facet_shear)material->shear;
+    if (!open_roughness(material, place, decoder, surface)) return false;
+    if (!open_fresnel(&material->fresnel, decoder, &facet->fresnel)) return false;
+    if (material->slopes && !open_slopes(material->slopes, place, decoder, facet)) return false;
+    surface->channels = facet->fresnel.channels;
+    facet_status status = facet_brdf_create(facet, &surface->brdf);
+    if (status) return api_problem_status(decoder->problem, status, place);
+    return api_arena_defer(decoder->arena, destroy_brdf, surface->brdf) ||
+           api_problem_memory(decoder->problem);
+}
