@@ -71,7 +71,7 @@ struct job {
     const struct sample_request *in;
     struct surface surface;
     struct plan wo;
-    struct pairing pairing; /* first: u, second: wo */
+    struct pairing pairing; /* first: wo, second: u */
     struct promise promise;
     double *from[3], *u[2], *wi[3], *h[3], *weight[3], *pdf;
     struct results results[OUTPUT_COUNT];
@@ -93,7 +93,7 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 /* u as a list pairs like directions; n per wo is every k of n with every wo. */
 static bool pair_up(struct job *job, struct problem *problem)
 {
-    static const char *const names[] = {"u", "wo"};
+    static const char *const names[] = {"wo", "u"};
     const struct sample_request *in = job->in;
     bool by_n = in->n > 0, by_list = in->u.values;
     struct place u = {NULL, "u", 0}, n = {NULL, "n", 0}, seed = {NULL, "seed", 0};
@@ -101,12 +101,12 @@ static bool pair_up(struct job *job, struct problem *problem)
         return api_problem_at(problem, by_n ? &n : &u, by_n ? "excludes u" : "or n is required");
     if (in->seed >= 0 && !by_n) return api_problem_at(problem, &seed, "needs n");
     if (by_list)
-        return api_pairing(in->u.count, job->wo.count, in->pairing, names, problem, &job->pairing);
+        return api_pairing(job->wo.count, in->u.count, in->pairing, names, problem, &job->pairing);
     if ((size_t)in->n > LIMIT_EVALUATIONS / job->wo.count)
         return api_problem_at(problem, &n, "%lld samples of %zu directions are outside [1, %d]",
                               (long long)in->n, job->wo.count, LIMIT_EVALUATIONS);
     job->pairing =
-        (struct pairing){(size_t)in->n, job->wo.count, (size_t)in->n * job->wo.count, true};
+        (struct pairing){job->wo.count, (size_t)in->n, (size_t)in->n * job->wo.count, true};
     return true;
 }
 
@@ -173,7 +173,7 @@ static bool compute(struct call *call, struct job *job)
         n = job->pairing.count - i < CHUNK ? job->pairing.count - i : CHUNK;
         if (!api_still_wanted(call)) return false;
         double start = api_clock();
-        api_pairing_fill(&job->pairing, false, &job->wo, i, n, job->from);
+        api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
         facet_status status = facet_sample(job->surface.brdf, job->promise.tier, from, job->u[0],
                                            job->u[1], n, &samples);

@@ -47,10 +47,11 @@ void api_json_open(void)
     json_set_alloc_funcs(counted_malloc, counted_free);
 }
 
-/* False where brackets nest deeper than allowed; jansson itself recurses 2048 deep. */
-static bool is_shallow(const unsigned char *bytes, size_t size)
+/* 400 where brackets nest deeper than allowed; jansson itself recurses 2048 deep. */
+static bool check_depth(const unsigned char *bytes, size_t size, struct problem *problem)
 {
-    int depth = 0;
+    int depth = 0, line = 1;
+    size_t line_start = 0;
     bool in_string = false;
     for (size_t i = 0; i < size; i++) {
         unsigned char c = bytes[i];
@@ -62,9 +63,14 @@ static bool is_shallow(const unsigned char *bytes, size_t size)
         } else if (c == '"') {
             in_string = true;
         } else if (c == '[' || c == '{') {
-            if (++depth > LIMIT_JSON_DEPTH) return false;
+            if (++depth > LIMIT_JSON_DEPTH)
+                return api_problem(problem, 400, "line %d column %zu: nested deeper than %d", line,
+                                   i - line_start + 1, LIMIT_JSON_DEPTH);
         } else if (c == ']' || c == '}') {
             depth--;
+        } else if (c == '\n') {
+            line++;
+            line_start = i + 1;
         }
     }
     return true;
@@ -73,13 +79,10 @@ static bool is_shallow(const unsigned char *bytes, size_t size)
 json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
 {
     if (!size) {
-        api_problem(problem, 400, "the body is empty; JSON is expected");
+        api_problem(problem, 400, "not JSON: line 1 column 1: the body is empty");
         return NULL;
     }
-    if (!is_shallow(bytes, size)) {
-        api_problem(problem, 400, "the JSON nests deeper than %d", LIMIT_JSON_DEPTH);
-        return NULL;
-    }
+    if (!check_depth(bytes, size, problem)) return NULL;
     json_error_t error;
     memory.refused = false;
     memory.limit = memory.used + MEMORY_FREE + (int64_t)size * LIMIT_JSON_MEMORY;

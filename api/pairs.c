@@ -84,13 +84,13 @@ void api_pairing_fill(const struct pairing *p, bool is_first, const struct plan 
         repeat(plan, 0, 0, n, out);
         return;
     }
-    for (size_t i = 0; i < n;) { /* run by run through the first directions */
-        size_t from = (start + i) % p->first,
-               run = p->first - from < n - i ? p->first - from : n - i;
+    for (size_t i = 0; i < n;) { /* run by run through the second directions */
+        size_t from = (start + i) % p->second, left = p->second - from;
+        size_t run = left < n - i ? left : n - i;
         if (is_first)
-            api_plan_fill(plan, from, run, out[0] + i, out[1] + i, out[2] + i);
+            repeat(plan, (start + i) / p->second, i, run, out);
         else
-            repeat(plan, (start + i) / p->first, i, run, out);
+            api_plan_fill(plan, from, run, out[0] + i, out[1] + i, out[2] + i);
         i += run;
     }
 }

@@ -2,8 +2,8 @@
  * pairs.h - pairs of directions: wi and wo, or h and d (Rusinkiewicz).
  *
  * One direction pairs with all of the other list, equal lengths one to one; with
- * "pairing":"outer" pair k has first k mod n and second k / n, n the number of
- * first directions (every wi for the first wo, then for the second).
+ * "pairing":"outer" pair k has first k / n and second k mod n, n the number of
+ * second directions (every wo for the first wi, then for the second).
  */
 #ifndef API_PAIRS_H
 #define API_PAIRS_H

@@ -1,10 +1,12 @@
 #include "tolerance.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 
 enum { DIGITS_MAX = 17 };
 
-/* In the order of facet_tier; api/endpoint_capabilities.c's test compares with facet_tier_name. */
+/* In the order of facet_tier; tests/unit/test_api.c compares with facet_tier_name. */
 const char *const api_tier_names[] = {"fast", "precise", NULL};
 
 _Static_assert(FACET_TIER_COUNT == sizeof api_tier_names / sizeof *api_tier_names - 1,
@@ -23,11 +25,13 @@ static double printing_error(int digits)
     return 5 * pow(10, -digits);
 }
 
-/* Three significant digits, upwards. */
+/* Three significant digits, upwards; through text, so that it prints as short as it is. */
 static double rounded_up(double bound)
 {
+    char text[NUMBER_ROOM];
     double unit = pow(10, floor(log10(bound)) - 2);
-    return ceil(bound / unit * (1 - 1e-12)) * unit;
+    snprintf(text, sizeof text, "%.2e", ceil(bound / unit) * unit);
+    return strtod(text, NULL);
 }
 
 /* Digits so that printing adds a tenth, and less where the tolerance leaves less; the total bound.

@@ -217,9 +217,9 @@ TEST(syntax_errors_have_line_and_column)
     check_syntax("{\"alpha\":1e999}", "not JSON: line 1 column ");
     check_syntax("{\"alpha\":1,\"alpha\":1}", "not JSON: line 1 column 18: duplicate object key");
     check_syntax("{} {}", "not JSON: line 1 column 4: ");
-    check_syntax("", "the body is empty");
+    check_syntax("", "not JSON: line 1 column 1: the body is empty");
     check_syntax("[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]",
-                 "the JSON nests deeper");
+                 "line 1 column 33: nested deeper");
 }
 
 TEST(memory_is_bounded_by_the_body)
