@@ -19,7 +19,7 @@ static const struct metal {
 #undef METAL
 };
 
-static const char *const metal_names[] = {
+const char *const api_metal_names[] = {
 #define METAL(name, er, eg, eb, kr, kg, kb, source) #name,
 #include "metals.def"
 #undef METAL
@@ -70,7 +70,7 @@ static const struct field conductor_fields[] = {
      .doc = "real part of the index of refraction"},
     {MEMBER(struct conductor, k), FIELD_COLOUR, .min = 0, .max = FACET_K_MAX,
      .doc = "extinction coefficient"},
-    {MEMBER(struct conductor, metal), FIELD_ENUM, .names = metal_names,
+    {MEMBER(struct conductor, metal), FIELD_ENUM, .names = api_metal_names,
      .doc = "eta and k of a metal at 630, 532 and 465 nm"},
     {0},
 };

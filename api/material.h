@@ -53,6 +53,7 @@ struct material {
 
 extern const struct field api_material_fields[];
 extern const char *const api_ndf_names[], *const api_masking_names[], *const api_shear_names[];
+extern const char *const api_metal_names[];
 
 /* The check that goes with the table: exactly one form of roughness, and so on. */
 bool api_material_check(void *material, const struct place *place, struct decoder *decoder);

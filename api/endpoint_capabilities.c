@@ -1,0 +1,189 @@
+/* GET /v1/capabilities: what this daemon can do, how accurately, how fast, within which limits. */
+#include "endpoint.h"
+#include "limits.h"
+#include "material.h"
+#include "sampler.h"
+#include "tolerance.h"
+
+#include <math.h>
+
+struct model {
+    const char *ndf;
+    const char *sampler; /* NULL: cannot be sampled */
+    uint32_t masking, shear;
+};
+
+struct speed {
+    const char *ndf;
+    double bound, ns_per_eval;
+};
+
+struct tier {
+    const char *name;
+    struct list models; /* of struct speed */
+};
+
+struct capabilities {
+    struct list models, tiers, limits;
+    uint32_t outputs, metals;
+    double tolerance_default;
+    const char *isa;
+};
+
+static const char *const quantity_names[] = {
+#define QUANTITY(id, name, coloured, doc) name,
+#include "quantities.def"
+#undef QUANTITY
+    NULL,
+};
+
+#define F(type, member) MEMBER(struct type, member)
+
+static const struct field model_fields[] = {
+    {F(model, ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes"},
+    {F(model, sampler), FIELD_TEXT, .doc = "how its visible normals are sampled, if they can be"},
+    {F(model, masking), FIELD_SET, FIELD_MUST, .names = api_masking_names, .doc = "maskings"},
+    {F(model, shear), FIELD_SET, FIELD_MUST, .names = api_shear_names, .doc = "forms of shear"},
+    {0},
+};
+
+static const struct field speed_fields[] = {
+    {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1"},
+    {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
+    {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
+     .doc = "one fr, in a batch, measured for this answer on this machine"},
+    {0},
+};
+
+static const struct field tier_fields[] = {
+    {F(tier, name), FIELD_TEXT, FIELD_MUST, .doc = "as in \"tier\" and \"accuracy\""},
+    {F(tier, models), FIELD_LIST, FIELD_MUST, .fields = speed_fields, .size = sizeof(struct speed),
+     .doc = "what it promises and costs"},
+    {0},
+};
+
+static const struct field limit_fields[] = {
+    {F(limit, name), FIELD_TEXT, FIELD_MUST, .doc = "which"},
+    {F(limit, value), FIELD_INTEGER, FIELD_MUST, .doc = "how much"},
+    {F(limit, doc), FIELD_TEXT, FIELD_MUST, .doc = "of what"},
+    {0},
+};
+
+static const struct field response_fields[] = {
+    {F(capabilities, models), FIELD_LIST, FIELD_MUST, .fields = model_fields,
+     .size = sizeof(struct model), .doc = "materials"},
+    {F(capabilities, outputs), FIELD_SET, FIELD_MUST, .names = quantity_names,
+     .doc = "what /v1/eval computes"},
+    {F(capabilities, metals), FIELD_SET, FIELD_MUST, .names = api_metal_names,
+     .doc = "metals with known index of refraction"},
+    {F(capabilities, tiers), FIELD_LIST, FIELD_MUST, .fields = tier_fields,
+     .size = sizeof(struct tier), .doc = "cheapest first"},
+    {F(capabilities, tolerance_default), FIELD_NUMBER, FIELD_MUST,
+     .doc = "\"tolerance\" if none is given"},
+    {F(capabilities, isa), FIELD_TEXT, FIELD_MUST, .doc = "instruction set in use"},
+    {F(capabilities, limits), FIELD_LIST, FIELD_MUST, .fields = limit_fields,
+     .size = sizeof(struct limit), .doc = "every limit"},
+    {0},
+};
+
+static uint32_t all_of(const char *const *names)
+{
+    uint32_t set = 0;
+    for (int i = 0; names[i]; i++) set |= UINT32_C(1) << i;
+    return set;
+}
+
+static bool list_models(struct call *call, struct list *out)
+{
+    struct model *models = api_arena_array(call->arena, FACET_NDF_COUNT, sizeof *models);
+    if (!models) return api_problem_memory(call->problem);
+    for (int i = 0; i < FACET_NDF_COUNT; i++)
+        models[i] = (struct model){
+            api_ndf_names[i],
+            i == FACET_TABULATED ? NULL : api_sampler(SAMPLER_AUTO, (facet_ndf)i, call->problem),
+            all_of(api_masking_names), all_of(api_shear_names)};
+    *out = (struct list){FACET_NDF_COUNT, models};
+    return true;
+}
+
+/* The best of a few short batches. */
+static bool measure(const facet_brdf *brdf, facet_tier tier, struct arena *arena, double *ns)
+{
+    enum { N = 2048, REPEATS = 5 };
+    double *v[7];
+    for (int k = 0; k < 7; k++)
+        if (!(v[k] = api_arena_doubles(arena, N))) return false;
+    for (int i = 0; i < N; i++) {
+        double z = (i + 0.5) / N, s = sqrt(1 - z * z);
+        v[0][i] = s * cos(i), v[1][i] = s * sin(i), v[2][i] = z;
+        v[3][i] = 0.6, v[4][i] = 0, v[5][i] = 0.8;
+    }
+    facet_outputs outputs = {{{NULL}}};
+    outputs.of[FACET_FR][0] = v[6];
+    *ns = INFINITY;
+    for (int i = 0; i < REPEATS; i++) {
+        double start = api_clock();
+        if (facet_eval(brdf, tier, (facet_vec3_in){v[0], v[1], v[2]},
+                       (facet_vec3_in){v[3], v[4], v[5]}, N, &outputs))
+            return false;
+        double us = api_clock() - start;
+        if (us * 1e3 / N < *ns) *ns = us * 1e3 / N;
+    }
+    *ns = round(*ns * 100) / 100;
+    return true;
+}
+
+static bool describe_tier(struct call *call, int tier, struct tier *out)
+{
+    static const facet_ndf analytic[] = {FACET_GGX, FACET_BECKMANN};
+    enum { COUNT = sizeof analytic / sizeof *analytic };
+    struct decoder decoder = {call->arena, call->problem};
+    struct speed *speeds = api_arena_array(call->arena, COUNT, sizeof *speeds);
+    if (!speeds) return api_problem_memory(call->problem);
+    *out = (struct tier){api_tier_names[tier], {0, speeds}};
+    for (int i = 0; i < COUNT; i++) {
+        struct material material;
+        struct surface surface;
+        api_field_clear(api_material_fields, &material);
+        material.ndf = analytic[i];
+        material.alpha = 0.3;
+        if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
+        struct speed *speed = &speeds[out->models.count];
+        speed->ndf = api_ndf_names[analytic[i]];
+        if (!facet_bound(surface.brdf, (facet_tier)tier, FACET_FR, 0, &speed->bound)) continue;
+        if (!measure(surface.brdf, (facet_tier)tier, call->arena, &speed->ns_per_eval))
+            return api_problem_memory(call->problem);
+        out->models.count++;
+    }
+    return true;
+}
+
+static bool list_tiers(struct call *call, struct list *out)
+{
+    struct tier *tiers = api_arena_array(call->arena, FACET_TIER_COUNT, sizeof *tiers);
+    if (!tiers) return api_problem_memory(call->problem);
+    for (int i = 0; i < FACET_TIER_COUNT; i++)
+        if (!describe_tier(call, i, &tiers[i])) return false;
+    *out = (struct list){FACET_TIER_COUNT, tiers};
+    return true;
+}
+
+static bool handle(struct call *call)
+{
+    struct capabilities *out = call->out;
+    out->outputs = all_of(quantity_names);
+    out->metals = all_of(api_metal_names);
+    out->tolerance_default = TOLERANCE_DEFAULT;
+    out->isa = facet_isa();
+    out->limits = (struct list){(size_t)api_limit_count, api_limits};
+    return list_models(call, &out->models) && list_tiers(call, &out->tiers);
+}
+
+const struct endpoint api_endpoint_capabilities = {
+    .method = "GET",
+    .path = "/v1/capabilities",
+    .summary = "Models, samplers, tiers, limits",
+    .response = response_fields,
+    .response_size = sizeof(struct capabilities),
+    .handle = handle,
+};
