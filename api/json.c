@@ -47,31 +47,36 @@ void api_json_open(void)
     json_set_alloc_funcs(counted_malloc, counted_free);
 }
 
-/* 400 where brackets nest deeper than allowed; jansson itself recurses 2048 deep. */
-static bool check_depth(const unsigned char *bytes, size_t size, struct problem *problem)
+/*
+ * What jansson lets pass: brackets nested up to 2048 deep, on its stack, and a NUL
+ * byte, which ends the text for it.  400 for both.
+ */
+static bool check_bytes(const unsigned char *bytes, size_t size, struct problem *problem)
 {
     int depth = 0, line = 1;
     size_t line_start = 0;
     bool in_string = false;
     for (size_t i = 0; i < size; i++) {
         unsigned char c = bytes[i];
-        if (in_string) {
-            if (c == '\\')
-                i++;
-            else if (c == '"')
-                in_string = false;
+        const char *wrong = NULL;
+        if (c == '\n') {
+            line++;
+            line_start = i + 1;
+        } else if (!c) {
+            wrong = "a NUL byte";
+        } else if (in_string) {
+            in_string = c != '"';
+            i += c == '\\' && i + 1 < size && bytes[i + 1];
         } else if (c == '"') {
             in_string = true;
         } else if (c == '[' || c == '{') {
-            if (++depth > LIMIT_JSON_DEPTH)
-                return api_problem(problem, 400, "line %d column %zu: nested deeper than %d", line,
-                                   i - line_start + 1, LIMIT_JSON_DEPTH);
+            if (++depth > LIMIT_JSON_DEPTH) wrong = "nested too deeply";
         } else if (c == ']' || c == '}') {
             depth--;
-        } else if (c == '\n') {
-            line++;
-            line_start = i + 1;
         }
+        if (wrong)
+            return api_problem(problem, 400, "not JSON: line %d column %zu: %s", line,
+                               i - line_start + 1, wrong);
     }
     return true;
 }
@@ -82,7 +87,7 @@ json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
         api_problem(problem, 400, "not JSON: line 1 column 1: the body is empty");
         return NULL;
     }
-    if (!check_depth(bytes, size, problem)) return NULL;
+    if (!check_bytes(bytes, size, problem)) return NULL;
     json_error_t error;
     memory.refused = false;
     memory.limit = memory.used + MEMORY_FREE + (int64_t)size * LIMIT_JSON_MEMORY;

@@ -27,10 +27,10 @@ static double quality_of(const char *range)
         p += 1 + strspn(p + 1, " \t");
         if (end - p < 3 || (*p != 'q' && *p != 'Q') || p[1] != '=') continue;
         if (p[2] != '0' && p[2] != '1') return 0;
-        double q = p[2] - '0', unit = .1;
+        int thousandths = 1000 * (p[2] - '0'), unit = 100;
         if (p[3] == '.')
-            for (p += 4; *p >= '0' && *p <= '9'; p++, unit /= 10) q += unit * (*p - '0');
-        return q > 1 ? 1 : q;
+            for (p += 4; *p >= '0' && *p <= '9'; p++, unit /= 10) thousandths += unit * (*p - '0');
+        return thousandths > 1000 ? 1 : thousandths / 1000.0;
     }
     return 1;
 }

@@ -219,7 +219,7 @@ TEST(syntax_errors_have_line_and_column)
     check_syntax("{} {}", "not JSON: line 1 column 4: ");
     check_syntax("", "not JSON: line 1 column 1: the body is empty");
     check_syntax("[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]",
-                 "line 1 column 33: nested deeper");
+                 "not JSON: line 1 column 33: nested too deeply");
 }
 
 TEST(memory_is_bounded_by_the_body)

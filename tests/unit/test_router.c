@@ -1,0 +1,138 @@
+#include "ask.h"
+#include "check.h"
+#include "endpoint.h"
+#include "limits.h"
+#include "media.h"
+
+#include <stdlib.h>
+
+#define EVAL "{\"material\":{\"alpha\":0.3},\"wi\":[[0,0,1]],\"wo\":[[0,0,1]]}"
+
+static int status_of(struct api_request request)
+{
+    struct answer a = ask_with(request);
+    int status = a.response.status;
+    if (status >= 400) {
+        CHECK_STR(a.response.content_type, "application/problem+json");
+        CHECK_INT(json_integer_value(json_object_get(a.json, "status")), status);
+        CHECK(answer_text(&a, "title") && answer_text(&a, "detail") && answer_text(&a, "type"));
+    }
+    answer_clear(&a);
+    return status;
+}
+
+TEST(health_answers_get_and_head)
+{
+    struct answer a = ask("GET", "/healthz", NULL);
+    CHECK_INT(a.response.status, 200);
+    CHECK_STR(answer_text(&a, "status"), "ok");
+    answer_clear(&a);
+    a = ask("HEAD", "/healthz", NULL);
+    CHECK_INT(a.response.status, 200);
+    answer_clear(&a);
+}
+
+TEST(unknown_paths_and_methods)
+{
+    CHECK_INT(status_of((struct api_request){.method = "GET", .path = "/v1/nothing"}), 404);
+    CHECK_INT(status_of((struct api_request){.method = "GET", .path = ""}), 404);
+    CHECK_INT(status_of((struct api_request){.method = "GET", .path = "/v1/eval/"}), 404);
+    struct answer a = ask("GET", "/v1/eval", NULL);
+    CHECK_INT(a.response.status, 405);
+    CHECK_INT(a.response.header_count, 1);
+    CHECK_STR(a.response.headers[0].name, "Allow");
+    CHECK_STR(a.response.headers[0].value, "POST");
+    answer_clear(&a);
+    a = ask("POST", "/healthz", "{}");
+    CHECK_INT(a.response.status, 405);
+    CHECK_STR(a.response.headers[0].value, "GET, HEAD");
+    answer_clear(&a);
+}
+
+TEST(content_types)
+{
+    static const struct {
+        const char *type;
+        int status;
+    } cases[] = {{NULL, 200},
+                 {"", 200},
+                 {"application/json", 200},
+                 {"Application/JSON; charset=utf-8", 200},
+                 {"application/x-www-form-urlencoded", 200},
+                 {"text/csv", 415},
+                 {"multipart/form-data; boundary=x", 415},
+                 {"application/jsonx", 415}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        CHECK_INT(status_of((struct api_request){.method = "POST",
+                                                 .path = "/v1/eval",
+                                                 .body = EVAL,
+                                                 .body_size = strlen(EVAL),
+                                                 .content_type = cases[i].type}),
+                  cases[i].status);
+}
+
+TEST(accept)
+{
+    static const struct {
+        const char *accept;
+        int status;
+    } cases[] = {{"*/*", 200},
+                 {"application/*", 200},
+                 {"text/html, application/json;q=0.1", 200},
+                 {"text/html", 406},
+                 {"application/json;q=0", 406},
+                 {"*/*, application/json;q=0.0", 406}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        CHECK_INT(status_of((struct api_request){
+                      .method = "GET", .path = "/healthz", .accept = cases[i].accept}),
+                  cases[i].status);
+    CHECK(api_media_quality("text/*;q=0.3, text/html;q=0.7, */*;q=0.5", "text/html") == 0.7);
+    CHECK(api_media_quality("text/*;q=0.3, text/html;q=0.7, */*;q=0.5", "text/plain") == 0.3);
+    CHECK(api_media_quality("text/*;q=0.3, text/html;q=0.7, */*;q=0.5", "image/png") == 0.5);
+}
+
+TEST(lookup_tells_the_server_what_to_expect)
+{
+    struct api_route route = api_lookup("POST", "/v1/eval", NULL);
+    CHECK(route.found && route.is_long);
+    CHECK_INT(route.body_max, LIMIT_JSON_BODY);
+    route = api_lookup("GET", "/healthz", NULL);
+    CHECK(route.found && !route.is_long);
+    CHECK(!api_lookup("GET", "/v1/eval", NULL).found);
+}
+
+TEST(bodies_larger_than_the_limit)
+{
+    size_t size = LIMIT_JSON_BODY + 1;
+    char *body = malloc(size);
+    memset(body, ' ', size);
+    CHECK_INT(status_of((struct api_request){
+                  .method = "POST", .path = "/v1/eval", .body = body, .body_size = size}),
+              413);
+    free(body);
+}
+
+TEST(refusals_by_the_server)
+{
+    struct api_response response;
+    api_refuse(408, "the request took too long", &response);
+    CHECK_INT(response.status, 408);
+    CHECK_STR(response.content_type, "application/problem+json");
+    CHECK(strstr(response.body, "\"title\":\"Request Timeout\""));
+    CHECK(strstr(response.body, "took too long"));
+    api_response_clear(&response);
+}
+
+TEST(query_members_count_as_body_members)
+{
+    struct api_request request = {.method = "POST",
+                                  .path = "/v1/eval",
+                                  .body = EVAL,
+                                  .body_size = strlen(EVAL),
+                                  .query = "tolerance=0.01"};
+    CHECK_INT(status_of(request), 200);
+    request.query = "tolerance=2";
+    CHECK_INT(status_of(request), 422);
+    request.query = "tolrance=0.1";
+    CHECK_INT(status_of(request), 422);
+}
