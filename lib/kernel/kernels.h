@@ -17,12 +17,18 @@ struct kernel_cubic {
 
 /*
  * A tabulated radial slope distribution at alpha = 1.  With r = tan theta,
- *   u = r / (scale + r)          log D(theta)  = log_d(u)
- * and with a direction k = (s, 0, c), v = |c| / s,
- *   w = s / (s + |c|)            sigma(k) = max(c, 0) + s exp(log_psi(w)).
+ *   u = r / (slope_scale + r)    log D(theta)  = log_d(u)
+ * and with a direction k = (s, 0, c), S = slope_scale s,
+ *   w = S / (S + |c|)            sigma(k) = max(c, 0) + S w exp(log_psi(w)).
+ * (The scale in w resolves sigma of narrow tables; the factor w leaves a
+ * log_psi that is smooth at w = 0 for every D that is finite at the horizon.)
+ * Where D or sigma - max(c, 0) counts as 0 the cubics lie at KERNEL_LOG_ZERO:
+ * exp must answer 0 there, and is never handed less.
  */
+#define KERNEL_LOG_ZERO (-800.0)
+
 struct kernel_table {
-    double scale;
+    double slope_scale;
     struct kernel_cubic log_d, log_psi;
 };
 
