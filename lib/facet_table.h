@@ -3,8 +3,9 @@
  *
  * The table holds log D(theta), D the normal distribution at alpha = 1, at n
  * nodes uniform in u = tan theta / (scale + tan theta), u = 0 .. 1 (the last
- * node is the horizon).  Between the nodes log D is a cubic spline in u: D, not
- * the slope density P = D cos^4 theta, is what stays finite at the horizon.
+ * node is the horizon).  Between the nodes log(P (1 + tan theta/scale)^4), P =
+ * D cos^4 theta the slope density, is a cubic spline in u: finite at the horizon
+ * as D is, and smooth where D is not (tan theta about 1 in a narrow table).
  */
 #ifndef FACET_TABLE_H
 #define FACET_TABLE_H

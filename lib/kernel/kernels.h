@@ -16,12 +16,14 @@ struct kernel_cubic {
 };
 
 /*
- * A tabulated radial slope distribution at alpha = 1.  With r = tan theta,
- *   u = r / (slope_scale + r)    log D(theta)  = log_d(u)
- * and with a direction k = (s, 0, c), S = slope_scale s,
+ * A tabulated radial slope distribution at alpha = 1.  With r = tan theta and b = slope_scale,
+ *   u = r / (b + r)              P(r) = exp(log_q(u)) (1 - u)^4,  D(theta) = P (1 + r^2)^2,
+ * free of division by h_z: with R the length of the standard slopes times H_z,
+ *   u = R / (b H_z + R)          D = |H|^4 exp(log_q(u)) b^4 / (det (b H_z + R)^4).
+ * With a direction k = (s, 0, c), S = b s,
  *   w = S / (S + |c|)            sigma(k) = max(c, 0) + S w exp(log_psi(w)).
- * (The scale in w resolves sigma of narrow tables; the factor w leaves a
- * log_psi that is smooth at w = 0 for every D that is finite at the horizon.)
+ * (log_q, not log D, because it is smooth at the scale b alone; the b in w
+ * resolves sigma of narrow tables; the factor w leaves log_psi smooth at 0.)
  * Where D or sigma - max(c, 0) counts as 0 the cubics lie at KERNEL_LOG_ZERO:
  * exp must answer 0 there, and is never handed less.
  */
@@ -29,7 +31,7 @@ struct kernel_cubic {
 
 struct kernel_table {
     double slope_scale;
-    struct kernel_cubic log_d, log_psi;
+    struct kernel_cubic log_q, log_psi;
 };
 
 #endif

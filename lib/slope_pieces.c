@@ -1,0 +1,220 @@
+#include "slope_pieces.h"
+
+#include "gauss.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define PI 3.14159265358979323846
+
+/* Where log_q lies this far below its peak it adds nothing that a sum of doubles could hold. */
+#define NEGLIGIBLE 150.0
+/* Variation of log_q on one piece: 8 Gauss points integrate exp over it to 2e-15. */
+#define VARIATION_MAX 3.0
+
+/* (scale/r)^46 of rings nearer to 0 than this times scale could overflow; no v > 0 is asked for there. */
+#define NEAR_ZERO 1e-6
+
+struct cutter {
+    struct slope_pieces *to;
+    double peak;
+    size_t room;
+};
+
+static double cubic(const double *c, double t)
+{
+    return c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+}
+
+static double log_q_at(struct kernel_cubic log_q, size_t cell, double u)
+{
+    return cubic(log_q.c + 4 * cell, u * (double)log_q.cells - (double)cell);
+}
+
+static double slope_at(double scale, double u)
+{
+    return scale * u / (1 - u);
+}
+
+/* Density of rings per u: 2 pi r P(r) dr/du with P = exp(log_q) (1 - u)^4. */
+static double ring_density(double scale, double log_q, double u)
+{
+    return 2 * PI * scale * scale * u * (1 - u) * exp(log_q);
+}
+
+static bool add_piece(struct cutter *cutter, size_t cell, double u0, double u1)
+{
+    struct slope_pieces *to = cutter->to;
+    if (to->count == cutter->room) {
+        size_t room = cutter->room + cutter->room / 2 + 64;
+        struct slope_piece *grown = realloc(to->piece, room * sizeof *grown);
+        if (!grown) return false;
+        to->piece = grown;
+        cutter->room = room;
+    }
+    struct slope_piece *piece = &to->piece[to->count++];
+    *piece = (struct slope_piece){.u0 = u0, .u1 = u1, .cell = cell};
+    for (size_t i = 0; i < PIECE_POINTS; i++) {
+        double u = u0 + (u1 - u0) * to->node[i];
+        piece->r[i] = slope_at(to->scale, u);
+        piece->weight[i] =
+            (u1 - u0) * to->gauss[i] * ring_density(to->scale, log_q_at(to->log_q, cell, u), u);
+    }
+    return true;
+}
+
+/* Short enough for the Gauss rule? */
+static bool is_short(const struct cutter *cutter, size_t cell, double u0, double u1)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i <= 4; i++) {
+        double y = log_q_at(cutter->to->log_q, cell, u0 + (u1 - u0) * i / 4);
+        low = fmin(low, y);
+        high = fmax(high, y);
+    }
+    return high < cutter->peak - NEGLIGIBLE || high - low <= VARIATION_MAX;
+}
+
+static bool cut_cell(struct cutter *cutter, size_t cell)
+{
+    struct kernel_cubic log_q = cutter->to->log_q;
+    double cells = (double)log_q.cells, end = ((double)cell + 1) / cells;
+    for (double a = (double)cell / cells; a < end;) {
+        double b = end, middle;
+        while (!is_short(cutter, cell, a, b) && (middle = a + (b - a) / 2) > a && middle < b)
+            b = middle;
+        double high = fmax(log_q_at(log_q, cell, a), log_q_at(log_q, cell, b));
+        if (high >= cutter->peak - NEGLIGIBLE && !add_piece(cutter, cell, a, b)) return false;
+        a = b;
+    }
+    return true;
+}
+
+static void accumulate_moments(struct slope_pieces *pieces)
+{
+    double mass = 0, moment[PIECE_MOMENTS] = {0};
+    for (size_t p = pieces->count; p-- > 0;) {
+        struct slope_piece *piece = &pieces->piece[p];
+        for (size_t i = 0; i < PIECE_POINTS; i++) {
+            double x = pieces->scale / piece->r[i], m = piece->weight[i] * piece->r[i];
+            size_t count = x * NEAR_ZERO < 1 ? PIECE_MOMENTS : 1;
+            mass += piece->weight[i];
+            for (size_t k = 0; k < count; k++, m *= x * x) moment[k] += m;
+        }
+        piece->mass = mass;
+        for (size_t k = 0; k < PIECE_MOMENTS; k++) piece->moment[k] = moment[k];
+    }
+}
+
+facet_status facet_slope_pieces_create(double scale, struct kernel_cubic log_q,
+                                       struct slope_pieces *pieces)
+{
+    struct cutter cutter = {.to = pieces, .peak = -INFINITY};
+    *pieces = (struct slope_pieces){.scale = scale, .log_q = log_q};
+    facet_gauss_legendre(PIECE_POINTS, pieces->node, pieces->gauss);
+    for (size_t i = 0; i < log_q.cells; i++)
+        cutter.peak = fmax(cutter.peak, fmax(cubic(log_q.c + 4 * i, 0), cubic(log_q.c + 4 * i, 1)));
+    for (size_t i = 0; i < log_q.cells; i++) {
+        if (!cut_cell(&cutter, i)) {
+            facet_slope_pieces_clear(pieces);
+            return FACET_NO_MEMORY;
+        }
+    }
+    accumulate_moments(pieces);
+    return FACET_OK;
+}
+
+void facet_slope_pieces_clear(struct slope_pieces *pieces)
+{
+    free(pieces->piece);
+    *pieces = (struct slope_pieces){0};
+}
+
+/* ---- psi ---------------------------------------------------------------------- */
+
+struct psi {
+    double value, derivative;
+};
+
+/*
+ * Add a ring of slope r and probability weight: the mean of max(r cos phi - v, 0)
+ * is r (sin t - t cos t)/pi, cos t = v/r.  rest = (r - v)/r is handed over
+ * because it cancels; the bracket does too, hence its series for small t.
+ */
+static void add_ring(struct psi *psi, double weight, double r, double rest)
+{
+    double t = 2 * asin(sqrt(rest / 2)), t2 = t * t, bracket;
+    if (t < 0.3)
+        bracket = t * t2 * (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
+    else
+        bracket = sqrt(rest * (2 - rest)) - t * (1 - rest);
+    psi->value += weight * r * bracket / PI;
+    psi->derivative -= weight * t / PI;
+}
+
+/*
+ * Every ring from piece p on has r >= 2 v: with x = v/r expand
+ * sin t - t cos t = sum_k a_k x^2k - pi x/2, a_k = binomial(2k,k)/(4^k (2k-1)^2).
+ */
+static void add_far(struct psi *psi, const struct slope_pieces *pieces, size_t p, double v)
+{
+    const struct slope_piece *piece = &pieces->piece[p];
+    double x2 = v / pieces->scale * (v / pieces->scale), power = 1, b = 1, sum = 0, slope = 0;
+    for (size_t k = 0; k < PIECE_MOMENTS && power > 0; k++) {
+        double odd = 2 * (double)k - 1, term = b / (odd * odd) * power * piece->moment[k];
+        sum += term;
+        slope += 2 * (double)k * term;
+        power *= x2;
+        b *= (2 * (double)k + 1) / (2 * (double)k + 2);
+    }
+    psi->value += sum / PI - v * piece->mass / 2;
+    psi->derivative += (v > 0 ? slope / (v * PI) : 0) - piece->mass / 2;
+}
+
+/* Rings of one piece from u = a on, near r = v: in y = sqrt(u - u_v) the ring term is analytic. */
+static void add_near(struct psi *psi, const struct slope_pieces *pieces, size_t p, double v)
+{
+    const struct slope_piece *piece = &pieces->piece[p];
+    double b = pieces->scale, uv = v / (b + v), a = fmax(piece->u0, uv);
+    while (a < piece->u1) {
+        double ra = slope_at(b, a), end = fmin(2 * ra / (b + 2 * ra), piece->u1);
+        if (piece->u1 == 1 && a > uv) end = 1;
+        if (!(end > a)) break;
+        double y0 = sqrt(a - uv), y1 = sqrt(end - uv);
+        for (size_t i = 0; i < PIECE_POINTS; i++) {
+            double y = y0 + (y1 - y0) * pieces->node[i], u = uv + y * y, r = slope_at(b, u);
+            double rest = b * y * y / ((1 - u) * (1 - uv) * r);
+            double density = ring_density(b, log_q_at(pieces->log_q, piece->cell, u), u);
+            add_ring(psi, density * 2 * y * (y1 - y0) * pieces->gauss[i], r, fmin(rest, 1));
+        }
+        a = end;
+    }
+}
+
+double facet_slope_pieces_psi(const struct slope_pieces *pieces, double v, double *derivative)
+{
+    double b = pieces->scale, uv = v / (b + v);
+    struct psi psi = {0, 0};
+    size_t low = 0, high = pieces->count;
+    while (low < high) { /* first piece that ends above v */
+        size_t middle = low + (high - low) / 2;
+        if (pieces->piece[middle].u1 > uv) high = middle;
+        else low = middle + 1;
+    }
+    for (size_t p = low; p < pieces->count; p++) {
+        const struct slope_piece *piece = &pieces->piece[p];
+        double r0 = slope_at(b, piece->u0), r1 = slope_at(b, piece->u1);
+        if (r0 >= 2 * v) {
+            add_far(&psi, pieces, p, v);
+            break;
+        }
+        if (r0 - v < r1 - r0) {
+            add_near(&psi, pieces, p, v);
+            continue;
+        }
+        for (size_t i = 0; i < PIECE_POINTS; i++)
+            add_ring(&psi, piece->weight[i], piece->r[i], (piece->r[i] - v) / piece->r[i]);
+    }
+    *derivative = psi.derivative;
+    return psi.value;
+}

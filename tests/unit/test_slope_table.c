@@ -1,0 +1,208 @@
+/* Tabulated slope distributions against closed forms and brute-force quadrature. */
+#include "check.h"
+#include "slope_table.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define PI 3.14159265358979323846
+
+enum { GGX, BECKMANN };
+
+static double slope_density(int ndf, double alpha, double r)
+{
+    double x = r / alpha, a = 1 + x * x;
+    return (ndf == GGX ? 1 / (a * a) : exp(-x * x)) / (PI * alpha * alpha);
+}
+
+/* E[max(x - v, 0)] of one slope component */
+static double psi(int ndf, double alpha, double v)
+{
+    double x = v / alpha;
+    if (ndf == GGX) return alpha / 2 / (sqrt(1 + x * x) + x);
+    return alpha * (exp(-x * x) / sqrt(PI) - x * erfc(x)) / 2;
+}
+
+static facet_slope_table *tabulate(int ndf, double alpha, double scale, size_t n)
+{
+    double *log_d = malloc(n * sizeof *log_d);
+    facet_slope_table *table = NULL;
+    for (size_t i = 0; i < n; i++) {
+        double u = (double)i / (double)(n - 1), r = scale * u / (1 - u), x = r / alpha, s = 1 + r * r;
+        log_d[i] = 2 * log(s) - (ndf == GGX ? 2 * log(1 + x * x) : x * x) + 3;
+        if (i == n - 1) log_d[i] = ndf == GGX ? 4 * log(alpha) + 3 : -INFINITY;
+    }
+    CHECK_INT(facet_slope_table_create(scale, log_d, n, &table), FACET_OK);
+    free(log_d);
+    return table;
+}
+
+static double evaluate(struct kernel_cubic cubic, double u)
+{
+    double x = u * (double)cubic.cells;
+    size_t i = x < (double)cubic.cells ? (size_t)x : cubic.cells - 1;
+    const double *c = cubic.c + 4 * i;
+    x -= (double)i;
+    return c[0] + x * (c[1] + x * (c[2] + x * c[3]));
+}
+
+/* psi as kernels.h defines it: sigma(k) = max(c, 0) + s psi(|c|/s) */
+static double table_psi(const facet_slope_table *table, double v)
+{
+    double b = table->view.slope_scale, w = b / (b + v);
+    return b * w * exp(evaluate(table->view.log_psi, w));
+}
+
+/* 2 pi r P(r) dr/du by the midpoint rule: nothing shared with lib's quadrature. */
+static double norm(const facet_slope_table *table)
+{
+    enum { STEPS = 400000 };
+    double b = table->view.slope_scale, sum = 0;
+    for (int i = 0; i < STEPS; i++) {
+        double u = (i + 0.5) / STEPS, r = b * u / (1 - u), s = 1 + r * r;
+        double p = exp(facet_slope_table_log_d(table, r)) / (s * s);
+        sum += 2 * PI * r * p * b / ((1 - u) * (1 - u)) / STEPS;
+    }
+    return sum;
+}
+
+TEST(closed_forms)
+{
+    static const double alphas[] = {.001, .01, .1, .4, 1};
+    for (int ndf = GGX; ndf <= BECKMANN; ndf++) {
+        for (size_t i = 0; i < sizeof alphas / sizeof *alphas; i++) {
+            double alpha = alphas[i], worst_d = 0, worst_sigma = 0, worst_psi = 0;
+            facet_slope_table *table = tabulate(ndf, alpha, 1.5 * alpha, 181);
+            if (!table) return;
+            for (double r = 0; r < 100 * alpha; r = r * 1.02 + 1e-3 * alpha) {
+                double p = slope_density(ndf, alpha, r), s = 1 + r * r;
+                if (p * PI * alpha * alpha < 1e-4) break;
+                double d = exp(facet_slope_table_log_d(table, r));
+                worst_d = fmax(worst_d, fabs(d / (p * s * s) - 1));
+            }
+            for (double v = 0; v < 1000 * alpha; v = v * 1.01 + 1e-4 * alpha) {
+                double exact = psi(ndf, alpha, v), error = fabs(table_psi(table, v) - exact);
+                worst_sigma = fmax(worst_sigma, error / (v + exact));
+                if (exact > 1e-6 * alpha) worst_psi = fmax(worst_psi, error / exact);
+            }
+            CHECK(worst_d < 1e-6);
+            CHECK(worst_sigma < 1e-8);
+            CHECK(worst_psi < 5e-7);
+            CHECK(table->sigma_error < 2.1e-10);
+            CHECK(fabs(norm(table) - 1) < 1e-9);
+            check_note("D", worst_d);
+            check_note("sigma", worst_sigma);
+            check_note("psi", worst_psi);
+            check_note("norm-1", fabs(norm(table) - 1));
+            facet_slope_table_destroy(table);
+        }
+    }
+}
+
+/* sigma of the table against the integral of the table's own D, over azimuth and radius by brute force. */
+static double sigma_brute(const facet_slope_table *table, double v)
+{
+    enum { RADII = 400000 };
+    double b = table->view.slope_scale, sum = 0, u0 = v / (b + v);
+    for (int i = 0; i < RADII; i++) { /* u = u0 + (1 - u0) y^2 takes the edge off r = v */
+        double y = (i + 0.5) / RADII, u = u0 + (1 - u0) * y * y, r = b * u / (1 - u), s = 1 + r * r;
+        double ring = 2 * PI * r * exp(facet_slope_table_log_d(table, r)) / (s * s);
+        double cap = r > v ? (sqrt(r * r - v * v) - v * acos(v / r)) / PI : 0;
+        sum += ring * cap * b / ((1 - u) * (1 - u)) * (1 - u0) * 2 * y / RADII;
+    }
+    return sum;
+}
+
+TEST(sigma_is_the_integral_of_the_tabulated_d)
+{
+    struct rng rng;
+    rng_seed(&rng, 11);
+    double log_d[30];
+    for (size_t i = 0; i < 30; i++) /* a rough, measured-like table */
+        log_d[i] = -6. * (double)i / 30 + .3 * rng_uniform(&rng);
+    facet_slope_table *table = NULL;
+    CHECK_INT(facet_slope_table_create(.3, log_d, 30, &table), FACET_OK);
+    if (!table) return;
+    CHECK(fabs(norm(table) - 1) < 1e-8);
+    for (double v = 1e-3; v < 30; v *= 2.7) {
+        double exact = sigma_brute(table, v), got = table_psi(table, v);
+        CHECK_REL(v + got, v + exact, 1e-9, 0);
+        CHECK_REL(got, exact, 2e-6, 0);
+        check_note("psi", fabs(got / exact - 1));
+    }
+    check_note("own estimate", table->sigma_error);
+    facet_slope_table_destroy(table);
+}
+
+TEST(zeros_do_not_ring)
+{
+    double log_d[64];
+    for (size_t i = 0; i < 64; i++) log_d[i] = i < 20 ? -.02 * (double)i : i < 40 ? -INFINITY : -1e5;
+    facet_slope_table *table = NULL;
+    CHECK_INT(facet_slope_table_create(1, log_d, 64, &table), FACET_OK);
+    if (!table) return;
+    for (int i = 0; i <= 6300; i++) {
+        double u = i / 6300., y = evaluate(table->view.log_q, u);
+        CHECK(y >= KERNEL_LOG_ZERO - 1e-9);
+        if (u > 20 / 63.) CHECK_REL(y, KERNEL_LOG_ZERO, 1e-15, 0);
+        if (u < 19 / 63.) {
+            double r = u / (1 - u), d = facet_slope_table_log_d(table, r), d0 = facet_slope_table_log_d(table, 0);
+            CHECK(fabs(d - d0 + .02 * 63 * u) < .01);
+        }
+    }
+    CHECK(fabs(norm(table) - 1) < 1e-4); /* the midpoint rule sees a step */
+    facet_slope_table_destroy(table);
+    for (size_t i = 0; i < 64; i++) log_d[i] = i < 20 ? -.02 * (double)i : -690; /* a cliff, but not 0 */
+    CHECK_INT(facet_slope_table_create(1, log_d, 64, &table), FACET_OK);
+    if (!table) return;
+    for (int i = 0; i <= 6300; i++) {
+        double u = i / 6300.;
+        double r = u / (1 - u), d = facet_slope_table_log_d(table, r), d0 = facet_slope_table_log_d(table, 0);
+        if (u < 19 / 63.) CHECK(fabs(d - d0 + .02 * 63 * u) < .01);
+        CHECK(evaluate(table->view.log_q, u) >= KERNEL_LOG_ZERO);
+    }
+    facet_slope_table_destroy(table);
+}
+
+TEST(extremes_stay_finite)
+{
+    static const double scales[] = {1e-8, 1, 1e4};
+    static const double shapes[][4] = {
+        {0, 0, 0, 0}, {0, -699, 0, -699}, {600, -900, -900, -900}, {-900, -900, -900, 0},
+        {-699, -699, -699, -699}, {1e6, -1e6, 1e6, -1e6}, {-900, 2, -900, -900}, {1e300, 0, 0, 0},
+    };
+    for (size_t k = 0; k < 3; k++) {
+        for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
+            facet_slope_table *table = NULL;
+            facet_status status = facet_slope_table_create(scales[k], shapes[i], 4, &table);
+            CHECK(status == FACET_OK || status == FACET_BAD_TABLE);
+            if (!table) continue;
+            for (int j = 0; j <= 1000; j++) {
+                CHECK(isfinite(evaluate(table->view.log_q, j / 1000.)));
+                CHECK(isfinite(evaluate(table->view.log_psi, j / 1000.)));
+            }
+            CHECK(isfinite(table->sigma_error) && isfinite(table->psi_error));
+            facet_slope_table_destroy(table);
+        }
+    }
+}
+
+TEST(bad_tables)
+{
+    double log_d[5] = {0, 0, 0, 0, 0};
+    facet_slope_table *table = (facet_slope_table *)&log_d;
+    CHECK_INT(facet_slope_table_create(1, log_d, 3, &table), FACET_BAD_SIZE);
+    CHECK(table == NULL);
+    CHECK_INT(facet_slope_table_create(1, log_d, FACET_TABLE_NODES_MAX + 1, &table), FACET_BAD_SIZE);
+    CHECK_INT(facet_slope_table_create(9e-9, log_d, 5, &table), FACET_BAD_TABLE);
+    CHECK_INT(facet_slope_table_create(1.1e4, log_d, 5, &table), FACET_BAD_TABLE);
+    CHECK_INT(facet_slope_table_create(NAN, log_d, 5, &table), FACET_BAD_TABLE);
+    log_d[2] = NAN;
+    CHECK_INT(facet_slope_table_create(1, log_d, 5, &table), FACET_BAD_TABLE);
+    log_d[2] = INFINITY;
+    CHECK_INT(facet_slope_table_create(1, log_d, 5, &table), FACET_BAD_TABLE);
+    for (size_t i = 0; i < 5; i++) log_d[i] = -INFINITY;
+    CHECK_INT(facet_slope_table_create(1, log_d, 5, &table), FACET_BAD_TABLE);
+    CHECK(table == NULL);
+    facet_slope_table_destroy(NULL);
+}
