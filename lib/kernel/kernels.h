@@ -34,4 +34,82 @@ struct kernel_table {
     struct kernel_cubic log_q, log_psi;
 };
 
+/* What the kernels need of a material's roughness, derived once (brdf.c). */
+struct kernel_surface {
+    double alpha_x, alpha_y, rho, kappa; /* kappa = sqrt(1 - rho^2) */
+    double rho_alpha_y, rho_alpha_y_low; /* rho alpha_y and what its double lacks */
+    double kappa_alpha_y;
+    double det, root_det;                /* alpha_x alpha_y kappa and its square root */
+    double slope_x, slope_y;
+    const struct kernel_table *table;    /* FACET_TABULATED only */
+};
+
+/* One channel of a Fresnel term. */
+struct kernel_fresnel {
+    double f0;
+    double eta, k;
+    size_t count;
+    const double *cos_theta_d, *values;
+};
+
+/*
+ * What is simpler about a surface, and so cheaper.  A loop that is not built
+ * for a shape is served by the one for SHEARED, which is general.
+ */
+enum kernel_shape { KERNEL_ISO, KERNEL_CENTRAL, KERNEL_SHEARED, KERNEL_SHAPE_COUNT };
+
+/* facet_masking and facet_shear in one.  SMITH also serves what does not depend on masking. */
+enum kernel_masking {
+    KERNEL_SMITH,
+    KERNEL_UNCORRELATED,
+    KERNEL_VGROOVE,
+    KERNEL_NONE,
+    KERNEL_SMITH_THESIS,
+    KERNEL_UNCORRELATED_THESIS,
+    KERNEL_MASKING_COUNT
+};
+
+/*
+ * The achromatic quantities: fr and fr_cos without their Fresnel term, and
+ * what only the library itself asks for.
+ */
+enum kernel_quantity {
+    KERNEL_FR,
+    KERNEL_FR_COS,
+    KERNEL_PDF,
+    KERNEL_D,
+    KERNEL_D_VIS,
+    KERNEL_G,
+    KERNEL_G1_I,
+    KERNEL_G1_O,
+    KERNEL_SIGMA_O,
+    KERNEL_WEIGHT,    /* fr cos / pdf without the Fresnel term */
+    KERNEL_CONDITION, /* of the thesis's denominator */
+    KERNEL_QUANTITY_COUNT
+};
+
+struct kernel_pairs {
+    facet_vec3_in wi, wo;
+};
+
+typedef void kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_pairs *pairs,
+                            size_t n, double *out);
+/* cos theta_d = |H|/2, or 1 - cos theta_d. */
+typedef void kernel_angle_fn(const struct kernel_pairs *pairs, size_t n, double *out);
+/* out = F(angle) factor; factor NULL is 1.  Schlick takes 1 - cos theta_d, the others cos theta_d. */
+typedef void kernel_fresnel_fn(const struct kernel_fresnel *fresnel, const double *angle,
+                               const double *factor, size_t n, double *out);
+/* wi and, where not NULL, h and pdf. */
+typedef void kernel_sample_fn(const struct kernel_surface *surface, facet_vec3_in wo,
+                              const double *u1, const double *u2, size_t n, facet_vec3_out wi,
+                              facet_vec3_out h, double *pdf);
+
+struct facet_kernels {
+    kernel_eval_fn
+        *eval[KERNEL_QUANTITY_COUNT][FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][KERNEL_MASKING_COUNT];
+    kernel_angle_fn *cos_theta_d, *versine_theta_d;
+    kernel_fresnel_fn *fresnel[FACET_FRESNEL_COUNT]; /* IDEAL is NULL */
+    kernel_sample_fn *sample[FACET_NDF_COUNT];       /* NULL: no sampler */
+};
+
 #endif

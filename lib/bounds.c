@@ -1,0 +1,141 @@
+/*
+ * bounds.c - the error promised for a material: accuracy.def, and what shear,
+ * correlation, Fresnel constants and computed directions add to it.
+ */
+#include "brdf.h"
+
+#include <math.h>
+
+/* accuracy.def, by [tier][ndf][quantity] and [tier][kind]; NAN where nothing is promised. */
+static double base_bound(facet_tier tier, facet_ndf ndf, facet_quantity quantity)
+{
+#define PROMISE(t, n, q, bound)                                                 \
+    if (tier == FACET_##t && ndf == FACET_##n && quantity == FACET_##q) return bound;
+#define FRESNEL(t, kind, bound)
+#include "accuracy.def"
+#undef PROMISE
+#undef FRESNEL
+#undef ALL_QUANTITIES
+    return NAN;
+}
+
+static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind)
+{
+#define PROMISE(t, n, q, bound)
+#define FRESNEL(t, k, bound)                                                    \
+    if (tier == FACET_##t && kind == FACET_FRESNEL_##k) return bound;
+#include "accuracy.def"
+#undef PROMISE
+#undef FRESNEL
+    return NAN;
+}
+
+#define DOUBLE_ROUNDING 0x1p-53
+
+/* Rounding of the linear forms of surface.h, relative to their terms: double for fast, double-double else. */
+static double form_rounding(facet_tier tier)
+{
+    return tier == FACET_FAST ? 4 * DOUBLE_ROUNDING : 8 * DOUBLE_ROUNDING * DOUBLE_ROUNDING;
+}
+
+/*
+ * By how much a relative error in the terms of the linear forms grows in the
+ * forms: alpha_1/alpha_2 by correlation, |mean slope|/alpha_2 by shear, with
+ * alpha_2 the minor radius.
+ */
+static double form_condition(const facet_brdf *b)
+{
+    if (b->shape == KERNEL_ISO) return 0;
+    facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
+    double lean = fabs(b->surface.slope_x) + fabs(b->surface.slope_y);
+    return (e.alpha_1 + lean * fmax(1, e.alpha_1)) / e.alpha_2;
+}
+
+/*
+ * By how much an absolute error in the components of wi and wo grows in slopes:
+ * H may be short, and slopes are divided by alpha_2.
+ */
+static double input_condition(const facet_brdf *b)
+{
+    facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
+    double lean = fabs(b->surface.slope_x) + fabs(b->surface.slope_y);
+    return 4 * (1 + lean) * (1 + 1 / e.alpha_2);
+}
+
+/*
+ * d log D / d log slope: 4 for GGX and for what is tabulated.  Beckmann's
+ * exponent t has 2 sqrt(t), t <= 150 wherever the result passes FACET_FLOOR.
+ */
+static double slope_gain(facet_ndf ndf)
+{
+    return ndf == FACET_BECKMANN ? 25 : 4;
+}
+
+/*
+ * What a Fresnel term's own constants make worse.  Schlick's (1 - c)^5 in float
+ * inherits 1 - c from double; F0 = 0 loses it near normal incidence.  Below
+ * eta = 1 the dielectric has a square-root singularity at the critical angle.
+ * A conductor close to vacuum reflects a difference.
+ */
+static double fresnel_bound(const facet_brdf *b, facet_tier tier, double input_error)
+{
+    const facet_fresnel *f = &b->material.fresnel;
+    double base = base_fresnel_bound(tier, f->kind), worst = base;
+    double rounding = tier == FACET_FAST ? 6e-8 : DOUBLE_ROUNDING;
+    double angle = (tier == FACET_FAST ? 4 * DOUBLE_ROUNDING : 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING) + input_error;
+    for (size_t c = 0; c < b->channels; c++) {
+        double bound = base;
+        if (f->kind == FACET_FRESNEL_SCHLICK) {
+            bound += 5 * angle / pow(fmax(f->f0[c], 1e-45), 0.2);
+        } else if (f->kind == FACET_FRESNEL_DIELECTRIC) {
+            if (f->eta[c] < 1) bound += 8 * sqrt(8 * DOUBLE_ROUNDING + 4 * input_error) + 16 * sqrt(rounding);
+        } else if (f->kind == FACET_FRESNEL_CONDUCTOR) {
+            double d = f->eta[c] - 1, s = f->eta[c] + 1, k2 = f->k[c] * f->k[c];
+            bound += 64 * rounding * (s * s + k2) / fmax(d * d + k2, 1e-300);
+        }
+        worst = fmax(worst, bound);
+    }
+    return f->kind == FACET_FRESNEL_IDEAL ? 0 : worst + 8 * input_error;
+}
+
+/* Floats hold the kernels' intermediate values on this domain only. */
+static bool fast_domain(const facet_brdf *b)
+{
+    facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
+    double lean = fmax(fabs(b->surface.slope_x), fabs(b->surface.slope_y));
+    return e.alpha_2 >= 1e-4 && e.alpha_1 <= 1e3 && lean <= 1e2;
+}
+
+static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
+{
+    double gain = slope_gain(b->material.ndf);
+    double general = b->shape == KERNEL_ISO ? 1 : 2;
+    return base * general + gain * form_rounding(tier) * form_condition(b) +
+           (input_error > 0 ? gain * input_error * input_condition(b) : 0);
+}
+
+bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, double input_error,
+                 double *bound)
+{
+    *bound = INFINITY;
+    if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT) return false;
+    if (tier == FACET_FAST && !fast_domain(b)) return false;
+    double base = base_bound(tier, b->material.ndf, quantity);
+    double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error);
+    if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)
+        value += fresnel_bound(b, tier, input_error);
+    *bound = value;
+    return isfinite(value);
+}
+
+bool facet_sample_bound(const facet_brdf *b, facet_tier tier, double input_error, double *bound)
+{
+    *bound = INFINITY;
+    double pdf, weight;
+    if (b->material.ndf == FACET_TABULATED) return false;
+    if (!facet_bound(b, tier, FACET_PDF, input_error, &pdf) ||
+        !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
+        return false;
+    *bound = 8 * fmax(pdf, weight);
+    return true;
+}

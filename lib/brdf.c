@@ -1,0 +1,125 @@
+/* brdf.c - from a material to prepared constants: checks, and what the kernels need once. */
+#include "brdf.h"
+
+#include "slope_table.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static bool within(double x, double low, double high)
+{
+    return x >= low && x <= high; /* false for NaN */
+}
+
+static bool good_fresnel_table(const facet_fresnel *f)
+{
+    if (f->count < 2 || f->count > FACET_FRESNEL_NODES_MAX) return false;
+    for (size_t i = 0; i < f->count; i++) {
+        if (!within(f->cos_theta_d[i], 0, 1)) return false;
+        if (i && !(f->cos_theta_d[i] > f->cos_theta_d[i - 1])) return false;
+        for (size_t c = 0; c < f->channels; c++)
+            if (!within(f->values[c][i], 0, 1e6)) return false;
+    }
+    return true;
+}
+
+static bool good_fresnel(const facet_fresnel *f)
+{
+    if (f->channels != 1 && f->channels != 3) return false;
+    if (f->kind == FACET_FRESNEL_TABLE) return good_fresnel_table(f);
+    for (size_t c = 0; c < f->channels; c++) {
+        bool eta = within(f->eta[c], FACET_ETA_MIN, FACET_ETA_MAX);
+        if (f->kind == FACET_FRESNEL_SCHLICK && !within(f->f0[c], 0, 1)) return false;
+        if (f->kind == FACET_FRESNEL_DIELECTRIC && !eta) return false;
+        if (f->kind == FACET_FRESNEL_CONDUCTOR && !(eta && within(f->k[c], 0, FACET_K_MAX))) return false;
+    }
+    return (unsigned)f->kind < FACET_FRESNEL_COUNT;
+}
+
+static facet_status check(const facet_material *m)
+{
+    facet_status status = facet_roughness_check(&m->roughness);
+    if (status) return status;
+    if (!good_fresnel(&m->fresnel)) return FACET_BAD_FRESNEL;
+    if ((unsigned)m->ndf >= FACET_NDF_COUNT || (unsigned)m->masking >= FACET_MASKING_COUNT ||
+        (unsigned)m->shear >= FACET_SHEAR_COUNT)
+        return FACET_UNSUPPORTED;
+    if (m->ndf == FACET_TABULATED && !m->table) return FACET_BAD_TABLE;
+    bool smith = m->masking == FACET_SMITH || m->masking == FACET_SMITH_UNCORRELATED;
+    return m->shear == FACET_THESIS && !smith ? FACET_UNSUPPORTED : FACET_OK;
+}
+
+static struct kernel_surface prepare(const facet_material *m)
+{
+    const facet_roughness *r = &m->roughness;
+    double kappa = sqrt((1 - r->rho) * (1 + r->rho)), product = r->rho * r->alpha_y;
+    double det = r->alpha_x * r->alpha_y * kappa;
+    return (struct kernel_surface){
+        .alpha_x = r->alpha_x,
+        .alpha_y = r->alpha_y,
+        .rho = r->rho,
+        .kappa = kappa,
+        .rho_alpha_y = product,
+        .rho_alpha_y_low = fma(r->rho, r->alpha_y, -product),
+        .kappa_alpha_y = kappa * r->alpha_y,
+        .det = det,
+        .root_det = sqrt(det),
+        .slope_x = r->slope_x,
+        .slope_y = r->slope_y,
+        .table = m->ndf == FACET_TABULATED ? &m->table->view : NULL,
+    };
+}
+
+static enum kernel_shape shape_of(const facet_roughness *r)
+{
+    if (r->slope_x != 0 || r->slope_y != 0) return KERNEL_SHEARED;
+    return r->alpha_x == r->alpha_y && r->rho == 0 ? KERNEL_ISO : KERNEL_CENTRAL;
+}
+
+/* On a central surface both shear forms are the same, and the energy-safe one is the stable one. */
+static enum kernel_masking masking_of(const facet_material *m, enum kernel_shape shape)
+{
+    bool thesis = m->shear == FACET_THESIS && shape == KERNEL_SHEARED;
+    switch (m->masking) {
+    case FACET_SMITH: return thesis ? KERNEL_SMITH_THESIS : KERNEL_SMITH;
+    case FACET_SMITH_UNCORRELATED: return thesis ? KERNEL_UNCORRELATED_THESIS : KERNEL_UNCORRELATED;
+    case FACET_VGROOVE: return KERNEL_VGROOVE;
+    default: return KERNEL_NONE;
+    }
+}
+
+static void copy_fresnel(facet_brdf *b, const facet_fresnel *f)
+{
+    size_t n = f->kind == FACET_FRESNEL_TABLE ? f->count : 0;
+    if (n) memcpy(b->tables, f->cos_theta_d, n * sizeof *b->tables);
+    for (size_t c = 0; c < f->channels; c++) {
+        double *values = b->tables + (c + 1) * n;
+        if (n) memcpy(values, f->values[c], n * sizeof *values);
+        b->fresnel[c] = (struct kernel_fresnel){ .f0 = f->f0[c], .eta = f->eta[c], .k = f->k[c],
+                                                 .count = n, .cos_theta_d = b->tables, .values = values };
+    }
+}
+
+facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
+{
+    *brdf = NULL;
+    facet_status status = check(m);
+    if (status) return status;
+    size_t n = m->fresnel.kind == FACET_FRESNEL_TABLE ? m->fresnel.count * (m->fresnel.channels + 1) : 0;
+    facet_brdf *b = malloc(sizeof *b + n * sizeof *b->tables);
+    if (!b) return FACET_NO_MEMORY;
+    b->material = *m;
+    b->surface = prepare(m);
+    b->shape = shape_of(&m->roughness);
+    b->masking = masking_of(m, b->shape);
+    b->channels = m->fresnel.channels;
+    copy_fresnel(b, &m->fresnel);
+    *brdf = b;
+    return FACET_OK;
+}
+
+void facet_brdf_destroy(facet_brdf *brdf)
+{
+    free(brdf);
+}

@@ -1,0 +1,17 @@
+/* brdf.h - a prepared material: what evaluation, sampling and bounds share. */
+#ifndef FACET_BRDF_H
+#define FACET_BRDF_H
+
+#include "kernel/kernels.h"
+
+struct facet_brdf {
+    facet_material material; /* its pointers are not used */
+    struct kernel_surface surface;
+    enum kernel_shape shape;
+    enum kernel_masking masking;
+    size_t channels;
+    struct kernel_fresnel fresnel[3];
+    double tables[]; /* the Fresnel table's nodes and values */
+};
+
+#endif

@@ -1,0 +1,86 @@
+/*
+ * dispatch.c - the compiled (tier, isa) tables and the processor they meet.
+ *
+ * FACET_ISAS comes from the Makefile, cheapest first: ISA(base) ISA(avx2) ...
+ */
+#include "dispatch.h"
+
+#include <stdatomic.h>
+#include <string.h>
+
+#define ISA(name)                                                               \
+    extern const struct facet_kernels facet_kernels_fast_##name;                \
+    extern const struct facet_kernels facet_kernels_precise_##name;
+FACET_ISAS
+#undef ISA
+
+static const struct isa {
+    const char *name;
+    const struct facet_kernels *kernels[FACET_TIER_COUNT];
+} isas[] = {
+#define ISA(name)                                                               \
+    { #name, { [FACET_FAST] = &facet_kernels_fast_##name, [FACET_PRECISE] = &facet_kernels_precise_##name } },
+    FACET_ISAS
+#undef ISA
+};
+
+enum { ISA_COUNT = sizeof isas / sizeof *isas, UNSELECTED = -1 };
+
+static atomic_int selected = UNSELECTED;
+
+static bool processor_runs(const char *name)
+{
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (!strcmp(name, "avx2")) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+    if (!strcmp(name, "avx512"))
+        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+               __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw");
+#endif
+    return !strcmp(name, "base");
+}
+
+static int best_isa(void)
+{
+    int best = 0;
+    for (int i = 0; i < ISA_COUNT; i++)
+        if (processor_runs(isas[i].name)) best = i;
+    return best;
+}
+
+static const struct isa *current_isa(void)
+{
+    int i = atomic_load_explicit(&selected, memory_order_relaxed);
+    if (i == UNSELECTED) {
+        i = best_isa(); /* every thread finds the same */
+        atomic_store_explicit(&selected, i, memory_order_relaxed);
+    }
+    return &isas[i];
+}
+
+const struct facet_kernels *facet_kernels_for(facet_tier tier)
+{
+    return current_isa()->kernels[tier];
+}
+
+const char *facet_isa(void)
+{
+    return current_isa()->name;
+}
+
+const char *facet_isa_list(size_t index)
+{
+    for (int i = 0; i < ISA_COUNT; i++)
+        if (processor_runs(isas[i].name) && index-- == 0) return isas[i].name;
+    return NULL;
+}
+
+facet_status facet_isa_select(const char *name)
+{
+    int found = name ? UNSELECTED : best_isa();
+    for (int i = 0; name && i < ISA_COUNT; i++)
+        if (!strcmp(isas[i].name, name) && processor_runs(name)) found = i;
+    if (found == UNSELECTED) return FACET_UNSUPPORTED;
+    atomic_store_explicit(&selected, found, memory_order_relaxed);
+    return FACET_OK;
+}

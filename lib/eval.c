@@ -1,0 +1,163 @@
+/*
+ * eval.c - batches: one kernel loop per quantity asked for, in blocks that stay
+ * in the first-level cache, colour applied last.
+ */
+#include "brdf.h"
+#include "dispatch.h"
+
+#include <math.h>
+
+enum { BLOCK = 512 };
+
+static kernel_eval_fn *find_loop(const facet_brdf *b, const struct facet_kernels *kernels,
+                                 enum kernel_quantity quantity)
+{
+    kernel_eval_fn *const(*shapes)[KERNEL_MASKING_COUNT] = kernels->eval[quantity][b->material.ndf];
+    kernel_eval_fn *loop = shapes[b->shape][b->masking];
+    if (!loop) loop = shapes[KERNEL_SHEARED][b->masking];
+    /* What does not depend on masking is filed under SMITH. */
+    if (!loop) loop = shapes[b->shape][KERNEL_SMITH];
+    return loop ? loop : shapes[KERNEL_SHEARED][KERNEL_SMITH];
+}
+
+static const int kernel_quantity_of[FACET_QUANTITY_COUNT] = {
+    [FACET_FR] = KERNEL_FR,     [FACET_FR_COS] = KERNEL_FR_COS, [FACET_PDF] = KERNEL_PDF,
+    [FACET_D] = KERNEL_D,       [FACET_D_VIS] = KERNEL_D_VIS,   [FACET_G] = KERNEL_G,
+    [FACET_G1_I] = KERNEL_G1_I, [FACET_G1_O] = KERNEL_G1_O,     [FACET_F] = -1,
+    [FACET_SIGMA_O] = KERNEL_SIGMA_O,
+};
+
+static bool is_coloured(facet_quantity quantity)
+{
+    static const bool coloured[FACET_QUANTITY_COUNT] = {
+#define QUANTITY(id, name, coloured, doc) [FACET_##id] = coloured,
+#include "quantities.def"
+#undef QUANTITY
+    };
+    return coloured[quantity];
+}
+
+struct block {
+    const facet_brdf *brdf;
+    const struct facet_kernels *kernels;
+    struct kernel_pairs pairs;
+    size_t n;
+    bool has_angle;
+    double angle[BLOCK], scalar[BLOCK];
+};
+
+/* cos theta_d, or 1 - cos theta_d for Schlick; computed once per block, if at all. */
+static const double *angle_of(struct block *k)
+{
+    if (!k->has_angle) {
+        bool schlick = k->brdf->material.fresnel.kind == FACET_FRESNEL_SCHLICK;
+        (schlick ? k->kernels->versine_theta_d : k->kernels->cos_theta_d)(&k->pairs, k->n, k->angle);
+        k->has_angle = true;
+    }
+    return k->angle;
+}
+
+/* out[c] = F_c factor for every channel; factor NULL is 1. */
+static void colour(struct block *k, const double *factor, double *const out[3], size_t offset)
+{
+    const facet_brdf *b = k->brdf;
+    kernel_fresnel_fn *fresnel = k->kernels->fresnel[b->material.fresnel.kind];
+    for (size_t c = 0; c < b->channels; c++) {
+        if (!out[c]) continue;
+        if (fresnel) {
+            fresnel(&b->fresnel[c], angle_of(k), factor, k->n, out[c] + offset);
+        } else {
+            for (size_t i = 0; i < k->n; i++) out[c][offset + i] = factor ? factor[i] : 1;
+        }
+    }
+}
+
+static bool achromatic_ideal(const facet_brdf *b)
+{
+    return b->material.fresnel.kind == FACET_FRESNEL_IDEAL && b->channels == 1;
+}
+
+static void eval_quantity(struct block *k, facet_quantity q, double *const out[3], size_t offset)
+{
+    if (q == FACET_F) {
+        colour(k, NULL, out, offset);
+        return;
+    }
+    kernel_eval_fn *loop = find_loop(k->brdf, k->kernels, (enum kernel_quantity)kernel_quantity_of[q]);
+    if (!is_coloured(q) || achromatic_ideal(k->brdf)) {
+        loop(&k->brdf->surface, &k->pairs, k->n, out[0] + offset);
+        return;
+    }
+    loop(&k->brdf->surface, &k->pairs, k->n, k->scalar);
+    colour(k, k->scalar, out, offset);
+}
+
+static facet_vec3_in shift(facet_vec3_in v, size_t offset)
+{
+    return (facet_vec3_in){ v.x + offset, v.y + offset, v.z + offset };
+}
+
+facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
+                        size_t n, const facet_outputs *outputs)
+{
+    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    struct block k = { .brdf = brdf, .kernels = facet_kernels_for(tier) };
+    for (size_t start = 0; start < n; start += BLOCK) {
+        k.n = n - start < BLOCK ? n - start : BLOCK;
+        k.pairs = (struct kernel_pairs){ shift(wi, start), shift(wo, start) };
+        k.has_angle = false;
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+            if (outputs->of[q][0]) eval_quantity(&k, (facet_quantity)q, outputs->of[q], start);
+    }
+    return FACET_OK;
+}
+
+facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                             double *condition)
+{
+    *condition = 1;
+    if (brdf->masking != KERNEL_SMITH_THESIS) return FACET_OK;
+    const struct facet_kernels *kernels = facet_kernels_for(FACET_PRECISE);
+    kernel_eval_fn *loop = find_loop(brdf, kernels, KERNEL_CONDITION);
+    double out[BLOCK];
+    for (size_t start = 0; start < n; start += BLOCK) {
+        size_t size = n - start < BLOCK ? n - start : BLOCK;
+        struct kernel_pairs pairs = { shift(wi, start), shift(wo, start) };
+        loop(&brdf->surface, &pairs, size, out);
+        for (size_t i = 0; i < size; i++) *condition = fmax(*condition, out[i]);
+    }
+    return FACET_OK;
+}
+
+/* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
+static void weigh(struct block *k, facet_vec3_in wi, double *const weight[3], size_t offset)
+{
+    k->pairs.wi = wi;
+    k->has_angle = false;
+    kernel_eval_fn *loop = find_loop(k->brdf, k->kernels, KERNEL_WEIGHT);
+    if (achromatic_ideal(k->brdf)) {
+        loop(&k->brdf->surface, &k->pairs, k->n, weight[0] + offset);
+        return;
+    }
+    loop(&k->brdf->surface, &k->pairs, k->n, k->scalar);
+    colour(k, k->scalar, weight, offset);
+}
+
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
+                          const double *u2, size_t n, const facet_samples *out)
+{
+    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    struct block k = { .brdf = brdf, .kernels = facet_kernels_for(tier) };
+    kernel_sample_fn *sample = k.kernels->sample[brdf->material.ndf];
+    if (!sample) return FACET_UNSUPPORTED;
+    for (size_t start = 0; start < n; start += BLOCK) {
+        k.n = n - start < BLOCK ? n - start : BLOCK;
+        k.pairs.wo = shift(wo, start);
+        facet_vec3_out wi = { out->wi.x + start, out->wi.y + start, out->wi.z + start }, h = { 0 };
+        if (out->h.x) h = (facet_vec3_out){ out->h.x + start, out->h.y + start, out->h.z + start };
+        sample(&brdf->surface, k.pairs.wo, u1 + start, u2 + start, k.n, wi, h,
+               out->pdf ? out->pdf + start : NULL);
+        if (out->weight[0]) weigh(&k, (facet_vec3_in){ wi.x, wi.y, wi.z }, out->weight, start);
+    }
+    return FACET_OK;
+}

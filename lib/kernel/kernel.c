@@ -1,0 +1,125 @@
+/*
+ * kernel.c - the batch loops, compiled once per (tier, isa).
+ *
+ * Each loop computes one quantity for one model; what the model lacks (shear,
+ * correlation, masking) is gone by constant folding.  A quantity that nobody
+ * asked for has no loop running.
+ */
+#include "kernels.h"
+
+#include "fresnel.h"
+#include "masking.h"
+#include "sample.h"
+
+#define PASTE(a, b, c, d) a##b##c##d
+#define TABLE_NAME(tier, isa) PASTE(facet_kernels_, tier, _, isa)
+
+/* ---- quantities ------------------------------------------------------------------ */
+
+#define EVAL_LOOP(quantity, ndf_, shape_, masking_)                                             \
+    static void quantity##_##ndf_##_##shape_##_##masking_(                                      \
+        const struct kernel_surface *surface, const struct kernel_pairs *p, size_t n,           \
+        double *restrict out)                                                                   \
+    {                                                                                           \
+        const struct kernel_surface s = *surface;                                               \
+        const struct model m = { FACET_##ndf_, KERNEL_##shape_, KERNEL_##masking_ };            \
+        const double *restrict ix = p->wi.x, *restrict iy = p->wi.y, *restrict iz = p->wi.z;    \
+        const double *restrict ox = p->wo.x, *restrict oy = p->wo.y, *restrict oz = p->wo.z;    \
+        _Pragma("omp simd") for (size_t k = 0; k < n; k++)                                      \
+        {                                                                                       \
+            double wi[3] = { ix[k], iy[k], iz[k] }, wo[3] = { ox[k], oy[k], oz[k] };            \
+            struct direction i = direction_of(&s, m.shape, wi[0], wi[1], wi[2]);                \
+            struct direction o = direction_of(&s, m.shape, wo[0], wo[1], wo[2]);                \
+            out[k] = (double)quantity(m, &s, i, o, half_of(&s, m.shape, wi, wo));               \
+        }                                                                                       \
+    }
+
+#include "loops.def"
+#undef EVAL_LOOP
+
+/* ---- angles and Fresnel ------------------------------------------------------------- */
+
+#define ANGLE_LOOP(name, expression)                                                            \
+    static void name(const struct kernel_pairs *p, size_t n, double *restrict out)              \
+    {                                                                                           \
+        const double *restrict ix = p->wi.x, *restrict iy = p->wi.y, *restrict iz = p->wi.z;    \
+        const double *restrict ox = p->wo.x, *restrict oy = p->wo.y, *restrict oz = p->wo.z;    \
+        _Pragma("omp simd") for (size_t k = 0; k < n; k++)                                      \
+        {                                                                                       \
+            wide x = wide_sum(ix[k], ox[k]), y = wide_sum(iy[k], oy[k]), z = wide_sum(iz[k], oz[k]); \
+            out[k] = expression;                                                                \
+        }                                                                                       \
+    }
+
+ANGLE_LOOP(cos_theta_d, 0.5 * __builtin_sqrt(x.hi * x.hi + y.hi * y.hi + z.hi * z.hi))
+ANGLE_LOOP(versine_theta_d, versine(x, y, z))
+
+#define FRESNEL_LOOP(name, pragma)                                                              \
+    static void loop_##name(const struct kernel_fresnel *fresnel, const double *restrict angle, \
+                            const double *restrict factor, size_t n, double *restrict out)      \
+    {                                                                                           \
+        const struct kernel_fresnel f = *fresnel;                                               \
+        if (factor) {                                                                           \
+            pragma for (size_t k = 0; k < n; k++) out[k] = (double)name(&f, angle[k]) * factor[k]; \
+        } else {                                                                                \
+            pragma for (size_t k = 0; k < n; k++) out[k] = (double)name(&f, angle[k]);          \
+        }                                                                                       \
+    }
+
+FRESNEL_LOOP(fresnel_schlick, _Pragma("omp simd"))
+FRESNEL_LOOP(fresnel_dielectric, _Pragma("omp simd"))
+FRESNEL_LOOP(fresnel_conductor, _Pragma("omp simd"))
+FRESNEL_LOOP(fresnel_table, )
+
+/* ---- samples -------------------------------------------------------------------------- */
+
+#define SAMPLE_LOOP(ndf, pragma)                                                                \
+    static void sample_##ndf(const struct kernel_surface *surface, facet_vec3_in wo,            \
+                             const double *restrict u1, const double *restrict u2, size_t n,    \
+                             facet_vec3_out wi, facet_vec3_out h, double *restrict pdf)         \
+    {                                                                                           \
+        const struct kernel_surface s = *surface;                                               \
+        const double *restrict ox = wo.x, *restrict oy = wo.y, *restrict oz = wo.z;             \
+        double *restrict ix = wi.x, *restrict iy = wi.y, *restrict iz = wi.z;                   \
+        if (!h.x && !pdf) {                                                                     \
+            pragma for (size_t k = 0; k < n; k++)                                               \
+            {                                                                                   \
+                double o[3] = { ox[k], oy[k], oz[k] };                                          \
+                struct sampled a = reflect_sample(FACET_##ndf, &s, o, u1[k], u2[k]);            \
+                ix[k] = (double)a.wi[0], iy[k] = (double)a.wi[1], iz[k] = (double)a.wi[2];      \
+            }                                                                                   \
+            return;                                                                             \
+        }                                                                                       \
+        double *restrict hx = h.x, *restrict hy = h.y, *restrict hz = h.z;                      \
+        for (size_t k = 0; k < n; k++) {                                                        \
+            double o[3] = { ox[k], oy[k], oz[k] };                                              \
+            struct sampled a = reflect_sample(FACET_##ndf, &s, o, u1[k], u2[k]);                \
+            ix[k] = (double)a.wi[0], iy[k] = (double)a.wi[1], iz[k] = (double)a.wi[2];          \
+            if (hx) hx[k] = (double)a.h[0], hy[k] = (double)a.h[1], hz[k] = (double)a.h[2];     \
+            if (pdf) pdf[k] = (double)a.pdf;                                                    \
+        }                                                                                       \
+    }
+
+SAMPLE_LOOP(GGX, _Pragma("omp simd"))
+SAMPLE_LOOP(BECKMANN, )
+
+/* ---- the table --------------------------------------------------------------------------- */
+
+extern const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA);
+const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA) = {
+    .eval = {
+#define EVAL_LOOP(quantity, ndf, shape, masking)                                                \
+    [INDEX_##quantity][FACET_##ndf][KERNEL_##shape][KERNEL_##masking] = quantity##_##ndf##_##shape##_##masking,
+#include "loops.def"
+#undef EVAL_LOOP
+    },
+    .cos_theta_d = cos_theta_d,
+    .versine_theta_d = versine_theta_d,
+    .fresnel = {
+        [FACET_FRESNEL_SCHLICK] = loop_fresnel_schlick,
+        [FACET_FRESNEL_DIELECTRIC] = loop_fresnel_dielectric,
+        [FACET_FRESNEL_CONDUCTOR] = loop_fresnel_conductor,
+        [FACET_FRESNEL_TABLE] = loop_fresnel_table,
+    },
+    .sample = { [FACET_GGX] = sample_GGX, [FACET_BECKMANN] = sample_BECKMANN },
+};

@@ -1,0 +1,193 @@
+/*
+ * real.h - the arithmetic of a tier.
+ *
+ * real is what the formulas run in: float for fast, double for precise.  The
+ * linear forms that feed them (H, and what shear and correlation make of it)
+ * cancel, so they run one step wider: double for fast, double-double for
+ * precise.  Everything else in the kernels is a sum of like signs.
+ */
+#ifndef FACET_REAL_H
+#define FACET_REAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#define INLINE static inline __attribute__((always_inline))
+
+#ifdef FACET_TIER_fast
+typedef float real;
+typedef int32_t real_bits;
+#define REAL_IS_FLOAT 1
+#define REAL_MIN 1.17549435e-38f
+#define REAL_MAX 3.40282347e38f
+#else
+typedef double real;
+typedef int64_t real_bits;
+#define REAL_IS_FLOAT 0
+#define REAL_MIN 2.2250738585072014e-308
+#define REAL_MAX 1.7976931348623157e308
+#endif
+
+#define PI 3.14159265358979323846
+#define SQRT_PI 1.77245385090551602730
+#define ONE_OVER_PI 0.318309886183790671538
+
+INLINE real real_sqrt(real x)
+{
+#if REAL_IS_FLOAT
+    return __builtin_sqrtf(x);
+#else
+    return __builtin_sqrt(x);
+#endif
+}
+
+INLINE real real_abs(real x)
+{
+    return x < 0 ? -x : x;
+}
+
+INLINE real real_max(real a, real b)
+{
+    return a > b ? a : b;
+}
+
+INLINE real real_min(real a, real b)
+{
+    return a < b ? a : b;
+}
+
+/* a b + c, in one rounding where the instruction set has it. */
+INLINE real madd(real a, real b, real c)
+{
+#ifdef __FMA__
+#if REAL_IS_FLOAT
+    return __builtin_fmaf(a, b, c);
+#else
+    return __builtin_fma(a, b, c);
+#endif
+#else
+    return a * b + c;
+#endif
+}
+
+INLINE real_bits real_to_bits(real x)
+{
+    real_bits i;
+    memcpy(&i, &x, sizeof i);
+    return i;
+}
+
+INLINE real real_from_bits(real_bits i)
+{
+    real x;
+    memcpy(&x, &i, sizeof x);
+    return x;
+}
+
+/* ---- wide: the precision of linear forms --------------------------------------- */
+
+#if REAL_IS_FLOAT
+
+typedef struct wide { double hi; } wide;
+
+INLINE wide wide_sum(double a, double b) { return (wide){ a + b }; }
+INLINE wide wide_product(double a, double b) { return (wide){ a * b }; }
+INLINE wide wide_add(wide a, wide b) { return (wide){ a.hi + b.hi }; }
+INLINE wide wide_scale(wide a, double b) { return (wide){ a.hi * b }; }
+/* a (b + b_low), b_low what the double b lacks. */
+INLINE wide wide_scale2(wide a, double b, double b_low) { (void)b_low; return (wide){ a.hi * b }; }
+INLINE wide wide_product2(double a, double b, double b_low) { (void)b_low; return (wide){ a * b }; }
+INLINE double wide_round(wide a) { return a.hi; }
+
+#else
+
+/* An unevaluated sum hi + lo: error-free transformations of Dekker (1971) and Knuth. */
+typedef struct wide { double hi, lo; } wide;
+
+INLINE wide wide_sum(double a, double b)
+{
+    double s = a + b, t = s - a;
+    return (wide){ s, (a - (s - t)) + (b - t) };
+}
+
+INLINE double wide_product_error(double a, double b, double p)
+{
+#ifdef __FMA__
+    return __builtin_fma(a, b, -p);
+#else
+    const double split = 134217729.0; /* 2^27 + 1 */
+    double ca = split * a, cb = split * b;
+    double ah = ca - (ca - a), bh = cb - (cb - b), al = a - ah, bl = b - bh;
+    return ((ah * bh - p) + ah * bl + al * bh) + al * bl;
+#endif
+}
+
+INLINE wide wide_product(double a, double b)
+{
+    double p = a * b;
+    return (wide){ p, wide_product_error(a, b, p) };
+}
+
+INLINE wide wide_add(wide a, wide b)
+{
+    wide s = wide_sum(a.hi, b.hi);
+    return (wide){ s.hi, s.lo + (a.lo + b.lo) };
+}
+
+INLINE wide wide_scale2(wide a, double b, double b_low)
+{
+    wide p = wide_product(a.hi, b);
+    return (wide){ p.hi, p.lo + (a.lo * b + a.hi * b_low) };
+}
+
+INLINE wide wide_scale(wide a, double b)
+{
+    return wide_scale2(a, b, 0);
+}
+
+INLINE wide wide_product2(double a, double b, double b_low)
+{
+    wide p = wide_product(a, b);
+    return (wide){ p.hi, p.lo + a * b_low };
+}
+
+INLINE double wide_round(wide a)
+{
+    return a.hi + a.lo;
+}
+
+#endif
+
+/*
+ * 1 - |H|/2 for unit-sized wi, wo: (4 - |H|^2) / (4 + 2 |H|), |H|^2 with its
+ * rounding errors, as the difference cancels near the mirror direction.
+ */
+INLINE double versine(wide x, wide y, wide z)
+{
+    wide xx = wide_product(x.hi, x.hi), yy = wide_product(y.hi, y.hi), zz = wide_product(z.hi, z.hi);
+    wide hh = wide_add(wide_add(xx, yy), zz);
+#if !REAL_IS_FLOAT
+    hh.lo += 2 * (x.hi * x.lo + y.hi * y.lo + z.hi * z.lo);
+    double rest = (4 - hh.hi) - hh.lo;
+#else
+    double rest = 4 - hh.hi;
+#endif
+    return rest / (4 + 2 * __builtin_sqrt(hh.hi));
+}
+
+/*
+ * 2^-e with e the exponent of x > 0: brings H to size 1, so that no square of
+ * it leaves the range of a real, whatever finite input made it.
+ */
+INLINE double inverse_exponent(double x)
+{
+    int64_t i;
+    memcpy(&i, &x, sizeof i);
+    i = ((int64_t)2045 << 52) - (i & ((int64_t)0x7fe << 52));
+    memcpy(&x, &i, sizeof x);
+    return x;
+}
+
+#endif

@@ -1,0 +1,140 @@
+/*
+ * sample.h - visible normals of the standard surface (alpha = 1), seen from the
+ * stretched direction (a, b, c): FORMULAS section 5.
+ */
+#ifndef FACET_SAMPLE_H
+#define FACET_SAMPLE_H
+
+#include "masking.h"
+
+/* A standard micronormal (not normalised) and what reflection and density need of it. */
+struct normal {
+    real x, y, z;
+    real to_wo;    /* (a, b, c) . m, free of cancellation */
+    real density;  /* of m's slopes, over |m|^4 / m_z^4; times exp(v^2) where c < 0 */
+};
+
+/*
+ * GGX: spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap
+ * of directions above -k'_z; its height over k' is (1 - u2)(1 + k'_z), never a
+ * difference.
+ */
+INLINE struct normal ggx_sample(struct direction o, double u1, double u2)
+{
+    real r = real_sqrt(madd(o.c, o.c, o.s2)), inverse = 1 / real_max(r, (real)REAL_MIN);
+    real height = o.c < 0 ? o.s2 * inverse / real_max(r - o.c, (real)REAL_MIN) : (r + o.c) * inverse;
+    real w = (real)u2 * height, radius = real_sqrt(real_max(w * (2 - w), 0));
+    struct sin_cos turn = sin_cos_turns((real)u1);
+    struct normal m = { .x = madd(radius, turn.cos, o.a * inverse),
+                        .y = madd(radius, turn.sin, o.b * inverse),
+                        .z = real_max((real)(1 - u2) * height, (real)REAL_MIN) };
+    real mm = madd(m.x, m.x, madd(m.y, m.y, m.z * m.z));
+    m.to_wo = (real)0.5 * r * mm;
+    m.density = (real)ONE_OVER_PI / (mm * mm);
+    return m;
+}
+
+/* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
+struct view {
+    real v, g, n, at_v; /* at_v = n psi(v) */
+    real low, high;
+};
+
+struct cdf {
+    real lower, upper, slope; /* F, 1 - F (the smaller is exact) and dF/dx */
+};
+
+INLINE struct cdf front_cdf(struct view view, real x)
+{
+    real e = exp_minus(x * x), w = ERFC_SCALE / (ERFC_SCALE + real_abs(x)), erfcx = erfcx_tail(w);
+    real below = e * (view.g * erfcx + view.n * (real)(1 / SQRT_PI)) * (real)0.5;
+    real above = e * ((view.g - view.n * x) * erfcx * (real)0.5 - view.n * psi_x(w)) + view.at_v;
+    above = real_max(above, 0);
+    return (struct cdf){ x < 0 ? below : 1 - above, x < 0 ? 1 - below : above,
+                         (view.g - view.n * x) * e * (real)(1 / SQRT_PI) };
+}
+
+/* Over d = v - x for v < 0, where the slope density has only its tail left: F falls from 1 to 0. */
+INLINE struct cdf back_cdf(struct view view, real d)
+{
+    real v = real_abs(view.v), x = v + d, w = ERFC_SCALE / (ERFC_SCALE + x);
+    real e = exp_minus(d * (d + 2 * v)) * view.n;
+    real lower = e * madd((real)0.5 * d, erfcx_tail(w), psi_x(w));
+    return (struct cdf){ lower, 1 - lower, -d * e * (real)(1 / SQRT_PI) };
+}
+
+/*
+ * x with F(x) = u by Newton's method kept inside a bracket: monotone in u, so
+ * that stratified points stay stratified.
+ */
+INLINE real invert(struct view view, bool back, real u, real complement)
+{
+    enum { STEPS = 100 };
+    const real tolerance = REAL_IS_FLOAT ? (real)1e-7 : (real)4e-16;
+    real low = view.low, high = view.high, x = back ? (real)0.5 * (low + high) : real_min(0, high);
+    for (int step = 0; step < STEPS; step++) {
+        struct cdf f = back ? back_cdf(view, x) : front_cdf(view, x);
+        real excess = f.lower < f.upper ? f.lower - u : complement - f.upper;
+        if ((excess > 0) != back)
+            high = x;
+        else
+            low = x;
+        real next = x - excess / f.slope;
+        if (!(next > low && next < high)) next = (real)0.5 * (low + high);
+        real moved = real_abs(next - x);
+        x = next;
+        if (moved <= tolerance * real_abs(x) || high - low <= tolerance * real_abs(high)) break;
+    }
+    return x;
+}
+
+/* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
+#define SLOPE_END (REAL_IS_FLOAT ? (real)6.3 : (real)6.7)
+
+INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
+{
+    real s = real_sqrt(o.s2), safe = real_max(s, (real)REAL_MIN);
+    bool back = o.c < 0;
+    real area = real_max(sigma_scaled((struct model){ FACET_BECKMANN, KERNEL_SHEARED, KERNEL_SMITH }, NULL, o), (real)REAL_MIN);
+    real v = o.c / safe, end = SLOPE_END;
+    struct view view = { v, o.c / area, s / area, s / area * psi_x(beckmann_tail(o)) * exp_minus(beckmann_v2(o)), -end, real_min(v, end) };
+    if (back) {
+        view.low = 0;
+        view.high = end * end / (real_sqrt(madd(v, v, end * end)) - v);
+    }
+    real root = invert(view, back, (real)u1, (real)(1 - u1));
+    real x = back ? v - root : root;
+    struct view plain = { 0, 1, 0, 0, -end, end };
+    real y = invert(plain, false, (real)u2, (real)(1 - u2));
+    bool pole = s < (real)REAL_MIN;
+    real ca = pole ? 1 : o.a / safe, cb = pole ? 0 : o.b / safe;
+    real exponent = back ? madd(y, y, root * (root + 2 * real_abs(v))) : madd(y, y, x * x);
+    return (struct normal){ .x = -madd(x, ca, -y * cb), .y = -madd(x, cb, y * ca), .z = 1,
+                            .to_wo = back ? s * root : o.c - s * x,
+                            .density = exp_minus(exponent) * (real)ONE_OVER_PI };
+}
+
+struct sampled {
+    real wi[3], h[3], pdf;
+};
+
+/* The affine map, reflection wi = 2 (wo.h) h - wo, and pdf = D / (4 sigma_o). */
+INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_surface *s,
+                                     const double wo[3], double u1, double u2)
+{
+    struct direction o = direction_of(s, KERNEL_SHEARED, wo[0], wo[1], wo[2]);
+    struct normal m = ndf == FACET_GGX ? ggx_sample(o, u1, u2) : beckmann_sample(o, u1, u2);
+    real hx = madd((real)s->alpha_x, m.x, -(real)s->slope_x * m.z);
+    real hy = madd((real)s->rho_alpha_y, m.x, madd((real)s->kappa_alpha_y, m.y, -(real)s->slope_y * m.z));
+    real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = 1 / real_sqrt(hh);
+    real twice = 2 * m.to_wo / hh;
+    struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
+    real q = hh / (real)s->root_det;
+    return (struct sampled){
+        .wi = { madd(twice, hx, -(real)wo[0]), madd(twice, hy, -(real)wo[1]), madd(twice, m.z, -(real)wo[2]) },
+        .h = { hx * inverse, hy * inverse, m.z * inverse },
+        .pdf = ratio(q * q * m.density, 4 * sigma_scaled(model, s, o)),
+    };
+}
+
+#endif
