@@ -143,21 +143,30 @@ static void weigh(struct block *k, facet_vec3_in wi, double *const weight[3], si
     colour(k, k->scalar, weight, offset);
 }
 
+/* Where the samples of one block go; what nobody asked for but the loop writes goes to scratch. */
+static void draw(struct block *k, const double *u1, const double *u2, const facet_samples *out,
+                 size_t offset)
+{
+    double scratch[4][BLOCK];
+    facet_vec3_out wi = { out->wi.x + offset, out->wi.y + offset, out->wi.z + offset };
+    facet_vec3_out h = { scratch[0], scratch[1], scratch[2] };
+    double *pdf = out->pdf ? out->pdf + offset : out->h.x ? scratch[3] : NULL;
+    if (out->h.x) h = (facet_vec3_out){ out->h.x + offset, out->h.y + offset, out->h.z + offset };
+    k->kernels->sample[k->brdf->material.ndf](&k->brdf->surface, k->pairs.wo, u1 + offset, u2 + offset,
+                                              k->n, wi, h, pdf);
+    if (out->weight[0]) weigh(k, (facet_vec3_in){ wi.x, wi.y, wi.z }, out->weight, offset);
+}
+
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
                           const double *u2, size_t n, const facet_samples *out)
 {
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
     struct block k = { .brdf = brdf, .kernels = facet_kernels_for(tier) };
-    kernel_sample_fn *sample = k.kernels->sample[brdf->material.ndf];
-    if (!sample) return FACET_UNSUPPORTED;
+    if (!k.kernels->sample[brdf->material.ndf]) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n; start += BLOCK) {
         k.n = n - start < BLOCK ? n - start : BLOCK;
         k.pairs.wo = shift(wo, start);
-        facet_vec3_out wi = { out->wi.x + start, out->wi.y + start, out->wi.z + start }, h = { 0 };
-        if (out->h.x) h = (facet_vec3_out){ out->h.x + start, out->h.y + start, out->h.z + start };
-        sample(&brdf->surface, k.pairs.wo, u1 + start, u2 + start, k.n, wi, h,
-               out->pdf ? out->pdf + start : NULL);
-        if (out->weight[0]) weigh(&k, (facet_vec3_in){ wi.x, wi.y, wi.z }, out->weight, start);
+        draw(&k, u1, u2, out, start);
     }
     return FACET_OK;
 }

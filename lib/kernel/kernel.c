@@ -27,9 +27,8 @@
         const double *restrict ox = p->wo.x, *restrict oy = p->wo.y, *restrict oz = p->wo.z;    \
         _Pragma("omp simd") for (size_t k = 0; k < n; k++)                                      \
         {                                                                                       \
-            double wi[3] = { ix[k], iy[k], iz[k] }, wo[3] = { ox[k], oy[k], oz[k] };            \
-            struct direction i = direction_of(&s, m.shape, wi[0], wi[1], wi[2]);                \
-            struct direction o = direction_of(&s, m.shape, wo[0], wo[1], wo[2]);                \
+            struct vec3 wi = { ix[k], iy[k], iz[k] }, wo = { ox[k], oy[k], oz[k] };             \
+            struct direction i = direction_of(&s, m.shape, wi), o = direction_of(&s, m.shape, wo); \
             out[k] = (double)quantity(m, &s, i, o, half_of(&s, m.shape, wi, wo));               \
         }                                                                                       \
     }
@@ -81,24 +80,25 @@ FRESNEL_LOOP(fresnel_table, )
         const struct kernel_surface s = *surface;                                               \
         const double *restrict ox = wo.x, *restrict oy = wo.y, *restrict oz = wo.z;             \
         double *restrict ix = wi.x, *restrict iy = wi.y, *restrict iz = wi.z;                   \
-        if (!h.x && !pdf) {                                                                     \
+        double *restrict hx = h.x, *restrict hy = h.y, *restrict hz = h.z;                      \
+        if (!pdf) {                                                                             \
             pragma for (size_t k = 0; k < n; k++)                                               \
             {                                                                                   \
-                double o[3] = { ox[k], oy[k], oz[k] };                                          \
-                struct sampled a = reflect_sample(FACET_##ndf, &s, o, u1[k], u2[k]);            \
-                ix[k] = (double)a.wi[0], iy[k] = (double)a.wi[1], iz[k] = (double)a.wi[2];      \
+                struct sampled a = SAMPLE_AT(ndf, k);                                           \
+                ix[k] = (double)a.wi_x, iy[k] = (double)a.wi_y, iz[k] = (double)a.wi_z;         \
             }                                                                                   \
             return;                                                                             \
         }                                                                                       \
-        double *restrict hx = h.x, *restrict hy = h.y, *restrict hz = h.z;                      \
-        for (size_t k = 0; k < n; k++) {                                                        \
-            double o[3] = { ox[k], oy[k], oz[k] };                                              \
-            struct sampled a = reflect_sample(FACET_##ndf, &s, o, u1[k], u2[k]);                \
-            ix[k] = (double)a.wi[0], iy[k] = (double)a.wi[1], iz[k] = (double)a.wi[2];          \
-            if (hx) hx[k] = (double)a.h[0], hy[k] = (double)a.h[1], hz[k] = (double)a.h[2];     \
-            if (pdf) pdf[k] = (double)a.pdf;                                                    \
+        pragma for (size_t k = 0; k < n; k++)                                                   \
+        {                                                                                       \
+            struct sampled a = SAMPLE_AT(ndf, k);                                               \
+            ix[k] = (double)a.wi_x, iy[k] = (double)a.wi_y, iz[k] = (double)a.wi_z;             \
+            hx[k] = (double)a.h_x, hy[k] = (double)a.h_y, hz[k] = (double)a.h_z;                \
+            pdf[k] = (double)a.pdf;                                                             \
         }                                                                                       \
     }
+#define SAMPLE_AT(ndf, k)                                                                       \
+    reflect_sample(FACET_##ndf, &s, (struct vec3){ ox[k], oy[k], oz[k] }, u1[k], u2[k])
 
 SAMPLE_LOOP(GGX, _Pragma("omp simd"))
 SAMPLE_LOOP(BECKMANN, )

@@ -99,7 +99,7 @@ typedef void kernel_angle_fn(const struct kernel_pairs *pairs, size_t n, double 
 /* out = F(angle) factor; factor NULL is 1.  Schlick takes 1 - cos theta_d, the others cos theta_d. */
 typedef void kernel_fresnel_fn(const struct kernel_fresnel *fresnel, const double *angle,
                                const double *factor, size_t n, double *out);
-/* wi and, where not NULL, h and pdf. */
+/* wi; h and pdf too unless pdf is NULL. */
 typedef void kernel_sample_fn(const struct kernel_surface *surface, facet_vec3_in wo,
                               const double *u1, const double *u2, size_t n, facet_vec3_out wi,
                               facet_vec3_out h, double *pdf);

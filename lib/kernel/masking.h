@@ -57,7 +57,13 @@ INLINE real ratio(real x, real y)
 {
     real q = x / y;
     q = q < (real)REAL_MAX ? q : (real)REAL_MAX;
-    return y > 0 && x > 0 ? q : 0;
+    return real_min(x, y) > 0 ? q : 0;
+}
+
+/* 0 unless both directions are above the horizon (one comparison: GCC does not vectorise a compound one). */
+INLINE real lit(struct direction i, struct direction o, real value)
+{
+    return real_min(i.z, o.z) > 0 ? value : 0;
 }
 
 /* 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0; height-correlated, energy-safe. */
@@ -133,7 +139,7 @@ INLINE real quantity_fr_cos(struct model m, const struct kernel_surface *s, stru
     bool scaled = needs_scaling(m);
     struct fraction f = reflect(m, s, i, o, h, scaled);
     real d = scaled ? density_scaled(m, s, h, o) : density(m, s, h);
-    return i.z > 0 && o.z > 0 ? ratio(d * f.num, f.den) : 0;
+    return lit(i, o, ratio(d * f.num, f.den));
 }
 
 /* fr cos theta_i / cos theta_i, which cancels on a central Smith surface. */
@@ -141,8 +147,7 @@ INLINE real quantity_fr(struct model m, const struct kernel_surface *s, struct d
                         struct direction o, struct half h)
 {
     if (m.masking == KERNEL_SMITH && m.shape != KERNEL_SHEARED) {
-        real value = ratio(density(m, s, h), smith_denominator(m, s, i, o, false));
-        return i.z > 0 && o.z > 0 ? value : 0;
+        return lit(i, o, ratio(density(m, s, h), smith_denominator(m, s, i, o, false)));
     }
     return ratio(quantity_fr_cos(m, s, i, o, h), i.z);
 }
@@ -178,13 +183,13 @@ INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct di
                        struct direction o, struct half h)
 {
     struct fraction f = reflect(m, s, i, o, h, false);
-    return i.z > 0 && o.z > 0 ? ratio(4 * o.z * f.num, f.den) : 0;
+    return lit(i, o, ratio(4 * o.z * f.num, f.den));
 }
 
 /* G1 of D_vis = G1 <k, h> D / z_k. */
 INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct direction k, struct half h)
 {
-    if (m.masking == KERNEL_VGROOVE) return k.z > 0 ? ratio(k.z * vgroove_visible(h, k.c), k.c) : 0;
+    if (m.masking == KERNEL_VGROOVE) return ratio(k.z * vgroove_visible(h, k.c), k.c);
     if (m.masking == KERNEL_NONE) return real_max(2 * k.z * facing(h), 0);
     return ratio(k.z, sigma(m, s, k));
 }
@@ -216,7 +221,7 @@ INLINE real quantity_weight(struct model m, const struct kernel_surface *s, stru
 {
     struct fraction f = reflect(m, s, i, o, h, needs_scaling(m));
     real so = needs_scaling(m) ? sigma_scaled(m, s, o) : sigma(m, s, o);
-    return i.z > 0 && o.z > 0 ? ratio(4 * so * f.num, f.den) : 0;
+    return lit(i, o, ratio(4 * so * f.num, f.den));
 }
 
 INLINE real quantity_condition(struct model m, const struct kernel_surface *s, struct direction i,
@@ -225,7 +230,8 @@ INLINE real quantity_condition(struct model m, const struct kernel_surface *s, s
     (void)h;
     struct thesis t = thesis_denominator(m, s, i, o);
     real size = real_abs(t.denominator);
-    return i.z > 0 && o.z > 0 ? (size > 0 ? t.magnitude / size : (real)REAL_MAX) : 1;
+    real value = real_min(t.magnitude / real_max(size, (real)REAL_MIN), (real)REAL_MAX);
+    return real_min(i.z, o.z) > 0 ? value : 1;
 }
 
 #endif

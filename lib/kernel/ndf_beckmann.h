@@ -38,8 +38,8 @@ INLINE real beckmann_value(const struct kernel_surface *s, struct half h, real e
 {
     real root = exp_minus((real)0.5 * exponent) * (h.hh / (h.hz * h.hz)) *
                 (real)(1 / (SQRT_PI * s->root_det));
-    real value = root * root;
-    return h.up && exponent < 2 * (real)EXP_DOMAIN ? value : 0;
+    real value = exponent < 2 * (real)EXP_DOMAIN ? root * root : 0;
+    return h.up ? value : 0;
 }
 
 INLINE real beckmann_exponent(struct half h)

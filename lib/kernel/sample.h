@@ -115,14 +115,14 @@ INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
 }
 
 struct sampled {
-    real wi[3], h[3], pdf;
+    real wi_x, wi_y, wi_z, h_x, h_y, h_z, pdf;
 };
 
 /* The affine map, reflection wi = 2 (wo.h) h - wo, and pdf = D / (4 sigma_o). */
 INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_surface *s,
-                                     const double wo[3], double u1, double u2)
+                                     struct vec3 wo, double u1, double u2)
 {
-    struct direction o = direction_of(s, KERNEL_SHEARED, wo[0], wo[1], wo[2]);
+    struct direction o = direction_of(s, KERNEL_SHEARED, wo);
     struct normal m = ndf == FACET_GGX ? ggx_sample(o, u1, u2) : beckmann_sample(o, u1, u2);
     real hx = madd((real)s->alpha_x, m.x, -(real)s->slope_x * m.z);
     real hy = madd((real)s->rho_alpha_y, m.x, madd((real)s->kappa_alpha_y, m.y, -(real)s->slope_y * m.z));
@@ -131,8 +131,12 @@ INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_sur
     struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
     real q = hh / (real)s->root_det;
     return (struct sampled){
-        .wi = { madd(twice, hx, -(real)wo[0]), madd(twice, hy, -(real)wo[1]), madd(twice, m.z, -(real)wo[2]) },
-        .h = { hx * inverse, hy * inverse, m.z * inverse },
+        .wi_x = madd(twice, hx, -(real)wo.x),
+        .wi_y = madd(twice, hy, -(real)wo.y),
+        .wi_z = madd(twice, m.z, -(real)wo.z),
+        .h_x = hx * inverse,
+        .h_y = hy * inverse,
+        .h_z = m.z * inverse,
         .pdf = ratio(q * q * m.density, 4 * sigma_scaled(model, s, o)),
     };
 }

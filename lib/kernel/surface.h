@@ -21,6 +21,11 @@ INLINE real cosine(double z)
     return z > 0 ? real_max(r, (real)REAL_MIN) : r;
 }
 
+/* By value: an array in a loop body would keep GCC from vectorising it. */
+struct vec3 {
+    double x, y, z;
+};
+
 /* One direction k against the surface. */
 struct direction {
     real z;          /* macro cosine */
@@ -38,9 +43,10 @@ struct half {
     real scale;      /* the power of two that brought H to size 1 */
 };
 
-INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel_shape shape, double x,
-                                     double y, double z)
+INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel_shape shape,
+                                     struct vec3 d)
 {
+    double x = d.x, y = d.y, z = d.z;
     struct direction k = { .z = cosine(z) };
     if (shape == KERNEL_ISO) {
         k.c = k.z;
@@ -71,10 +77,10 @@ INLINE double max_abs(double a, double b)
     return a > b ? a : b;
 }
 
-INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape shape, const double i[3],
-                           const double o[3])
+INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape shape,
+                           struct vec3 i, struct vec3 o)
 {
-    double x = i[0] + o[0], y = i[1] + o[1], z = i[2] + o[2];
+    double x = i.x + o.x, y = i.y + o.y, z = i.z + o.z;
     struct half h = { .up = z > 0 };
     double e = inverse_exponent(max_abs(max_abs(x, y), z));
     h.scale = (real)(e < SCALE_MAX ? e : SCALE_MAX);
@@ -83,16 +89,16 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
     h.hh = madd(hx, hx, madd(hy, hy, h.hz * h.hz));
     /* wo.H = (|H|^2 + (wo - wi).H)/2: the second term vanishes for unit vectors and must not cancel. */
     h.to_wo = (real)(0.5 * e * (x * x + y * y + z * z +
-                         ((o[0] - i[0]) * x + (o[1] - i[1]) * y + (o[2] - i[2]) * z)));
+                         ((o.x - i.x) * x + (o.y - i.y) * y + (o.z - i.z) * z)));
     h.z = (real)s->root_det * h.hz;
     if (shape == KERNEL_ISO) {
         h.x = hx;
         h.y = hy;
         return h;
     }
-    wide mean_x = wide_sum(i[0], o[0]), mean_y = wide_sum(i[1], o[1]);
+    wide mean_x = wide_sum(i.x, o.x), mean_y = wide_sum(i.y, o.y);
     if (shape == KERNEL_SHEARED) {
-        wide up = wide_sum(i[2], o[2]);
+        wide up = wide_sum(i.z, o.z);
         mean_x = wide_add(mean_x, wide_scale(up, s->slope_x));
         mean_y = wide_add(mean_y, wide_scale(up, s->slope_y));
     }

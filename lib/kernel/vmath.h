@@ -56,10 +56,11 @@ INLINE struct sin_cos sin_cos_turns(real u)
     real magic = (real)EXP_MAGIC, quarter = (u * 4 + magic) - magic;
     real f = madd((real)-0.25, quarter, u), f2 = f * f;
     real s = f * POLY(SINPI, f2), c = POLY(COSPI, f2);
-    bool odd = quarter == 1 || quarter == 3;
-    real sine = odd ? c : s, cosine = odd ? s : c;
-    return (struct sin_cos){ quarter == 2 || quarter == 3 ? -sine : sine,
-                             quarter == 1 || quarter == 2 ? -cosine : cosine };
+    /* Quarter 2 is quarter 0 negated, and so on; 4 is 0 again. */
+    real half = quarter - 2, side = real_abs(real_abs(half) - 1); /* side 0: odd quarters */
+    real sine = side == 0 ? c : s, cosine = side == 0 ? s : c;
+    real past = real_abs(quarter - (real)2.5), left = real_abs(half + (real)0.5);
+    return (struct sin_cos){ past < 1 ? -sine : sine, left < 1 ? -cosine : cosine };
 }
 
 /* The variable of the two tails below: 1 at v = 0, 0 at infinity, for v = c / s. */
