@@ -47,6 +47,8 @@ INC_api    := -Ilib -Iapi $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 
 INC_server := -Iapi $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -Ilib -Iapi -Itests/support $(INC_api) -ffp-contract=off
 LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
+# This test makes allocations fail, one after the other.
+LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
 # Tests of dirs in PER_ISA run once per instruction set, the others once.
 PER_ISA := tests/property tests/accuracy

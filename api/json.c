@@ -13,7 +13,8 @@
  */
 static _Thread_local struct {
     int64_t used, limit; /* limit 0: none */
-    bool refused;
+    bool refused,
+        exhausted; /* by the limit; by the system.  jansson does not say which error was which */
 } memory;
 
 enum { HEADER = 16, MEMORY_FREE = 65536 };
@@ -26,7 +27,10 @@ static void *counted_malloc(size_t size)
         return NULL;
     }
     char *bytes = malloc(size + HEADER);
-    if (!bytes) return NULL;
+    if (!bytes) {
+        memory.exhausted = true;
+        return NULL;
+    }
     memcpy(bytes, &size, sizeof size);
     memory.used += (int64_t)size + HEADER;
     return bytes + HEADER;
@@ -45,6 +49,13 @@ static void counted_free(void *pointer)
 void api_json_open(void)
 {
     json_set_alloc_funcs(counted_malloc, counted_free);
+}
+
+bool api_json_exhausted(void)
+{
+    bool exhausted = memory.exhausted;
+    memory.exhausted = false;
+    return exhausted;
 }
 
 /*
@@ -89,7 +100,7 @@ json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
     }
     if (!check_bytes(bytes, size, problem)) return NULL;
     json_error_t error;
-    memory.refused = false;
+    memory.refused = memory.exhausted = false;
     memory.limit = memory.used + MEMORY_FREE + (int64_t)size * LIMIT_JSON_MEMORY;
     json_t *json = json_loadb(
         bytes, size, JSON_REJECT_DUPLICATES | JSON_DECODE_ANY | JSON_DECODE_INT_AS_REAL, &error);
@@ -99,7 +110,7 @@ json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
         api_problem(problem, 413,
                     "the JSON holds more values than its size allows (%d bytes of memory per byte)",
                     LIMIT_JSON_MEMORY);
-    else if (json_error_code(&error) == json_error_out_of_memory)
+    else if (api_json_exhausted())
         api_problem_memory(problem);
     else
         api_problem(problem, 400, "not JSON: line %d column %d: %s", error.line, error.column,

@@ -17,4 +17,10 @@ void api_json_open(void);
  */
 json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem);
 
+/*
+ * Whether the system refused memory to jansson in this thread since the last
+ * api_json_parse or the last call of this.
+ */
+bool api_json_exhausted(void);
+
 #endif

@@ -1,6 +1,7 @@
 /* Query members (a=1&b=x) decoded by a field table: made into JSON first, so that one decoder
  * judges both. */
 #include "field.h"
+#include "json.h"
 #include "limits.h"
 
 #include <errno.h>
@@ -68,9 +69,11 @@ static bool add_member(json_t *object, const char *item, size_t size, const stru
     struct place at = {NULL, name, 0};
     if (json_object_get(object, name))
         return api_problem_at(decoder->problem, &at, "is given twice");
-    if (json_object_set_new(object, name, value_of(find(fields, name), text)))
-        return api_problem(decoder->problem, 400, "the query is not UTF-8");
-    return true;
+    json_t *value = value_of(find(fields, name), text);
+    if (!json_object_set_new(object, name, value)) return true;
+    /* json_string and json_object_set refuse what is not UTF-8, and an empty memory. */
+    return api_json_exhausted() ? api_problem_memory(decoder->problem)
+                                : api_problem(decoder->problem, 400, "the query is not UTF-8");
 }
 
 static json_t *object_of(const char *query, const json_t *json, const struct field *fields,
