@@ -16,6 +16,7 @@ void finding(struct findings *findings, const char *format, ...)
     va_start(list, format);
     vsnprintf(line, sizeof line, format, list);
     va_end(list);
+    for (size_t n = strlen(line); n && line[n - 1] == '\n'; n--) line[n - 1] = 0;
     findings->length += (size_t)snprintf(findings->text + findings->length, room, "  %s\n", line);
 }
 
