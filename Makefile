@@ -1,4 +1,5 @@
 # facetd.  make [VARIANT=release|debug|clang|asan|tsan|fuzz] [all|run|test|demo|check|...]; `make help` lists the targets.
+VERSION := 0.1.0
 VARIANT ?= release
 B       := build/$(VARIANT)
 MAKEFLAGS += -r
@@ -11,6 +12,7 @@ endif
 CFLAGS  ?= -g
 WARN    := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wpointer-arith -Wwrite-strings
 BASE    := -std=c11 -D_POSIX_C_SOURCE=200809L -fvisibility=hidden $(WARN)
+VERSION_FLAG := -DFACET_VERSION='"$(VERSION)"'
 release := -O2 -DNDEBUG
 clang   := -O2 -DNDEBUG
 debug   := -O0
@@ -43,8 +45,8 @@ API_O    := $(call obj,api)
 SERVER_O := $(call obj,server)
 SUPPORT_O := $(call obj,tests/support)
 INC_lib    := -Ilib -ffp-contract=off
-INC_api    := -Ilib -Iapi $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
-INC_server := -Iapi $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
+INC_api    := -Ilib -Iapi $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
+INC_server := -Iapi $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -Ilib -Iapi -Itests/support $(INC_api) -ffp-contract=off
 LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
 # This test makes allocations fail, one after the other.
@@ -54,11 +56,17 @@ LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=alig
 PER_ISA := tests/property tests/accuracy
 TESTS_ISA  := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard $(addsuffix /test_*.c,$(PER_ISA))))
 TESTS_ONCE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/unit/test_*.c))
-TESTS   := $(TESTS_ISA) $(TESTS_ONCE)
+# tests/server: a test program that talks to the daemon, built once with the API and once with a
+# stand-in (fake_api.c) whose requests take exactly as long as a test says.
+TESTS_SERVER := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/server/test_*.c))
+TESTS   := $(TESTS_ISA) $(TESTS_ONCE) $(TESTS_SERVER)
 
 all: $(B)/facetd
 $(B)/facetd: $(SERVER_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+$(B)/tests/server/facetd-fake: $(SERVER_O) $(B)/tests/server/fake_api.o
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lmicrohttpd -lpthread
+$(TESTS_SERVER): $(B)/tests/server/daemon.o | $(B)/facetd $(B)/tests/server/facetd-fake
 $(B)/libfacet.a: $(LIB_O)
 $(B)/libapi.a: $(API_O)
 $(B)/%.a:
@@ -92,7 +100,7 @@ clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
 # CHECK_ISAS=best: only the best instruction set this processor has.
 CHECK_ISAS ?= $(ISAS)
 check: $(TESTS) check-layers
-	@for t in $(TESTS_ONCE); do $$t || echo "FAIL $$t (exit $$?)"; done
+	@for t in $(TESTS_ONCE) $(TESTS_SERVER); do $$t || echo "FAIL $$t (exit $$?)"; done
 	@for t in $(TESTS_ISA); do for i in $(CHECK_ISAS); do FACET_ISA=$$i $$t || echo "FAIL $$t $$i (exit $$?)"; done; done
 
 # lib knows libc and libm; api knows no transport; kernels call nothing; each exports its own prefix only

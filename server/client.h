@@ -1,0 +1,52 @@
+/* client.h - one connection, its place in a request's life and the time it has left. */
+#ifndef CLIENT_H
+#define CLIENT_H
+
+#include "request.h"
+
+#include <microhttpd.h>
+
+enum client_phase {
+    CLIENT_IDLE,    /* no request line yet */
+    CLIENT_HEADERS, /* request line read */
+    CLIENT_BODY,
+    CLIENT_DROP,  /* the answer is settled; what still arrives is thrown away */
+    CLIENT_WORK,  /* suspended, a worker has it */
+    CLIENT_ANSWER /* queued for sending */
+};
+
+struct client {
+    struct request request;
+    struct client *previous, *next;
+    struct MHD_Connection *connection;
+    int fd;
+    enum client_phase phase;
+    bool used;    /* has had a request before */
+    bool raw;     /* the answer went out beside libmicrohttpd */
+    bool cut;     /* by the reaper or by the end of the daemon */
+    size_t place; /* in the list of working clients */
+    int64_t deadline_us;
+};
+
+#define CLIENT_NEVER INT64_MAX
+
+/* A request header by its name, NULL if absent. */
+const char *client_header(const struct client *client, const char *name);
+
+/* What the headers say about the body; the traps are those that libmicrohttpd 0.9.75 lets pass. */
+struct client_framing {
+    const char *fault; /* NULL, or why the request cannot be told apart from its neighbours */
+    bool chunked, expects_continue;
+    size_t length; /* 0 if chunked or none */
+    unsigned hosts, lengths, encodings;
+};
+
+struct client_framing client_framing(const struct client *client);
+
+/* A token bucket: each piece of an upload buys time at `min_rate`, up to `grace_us` from now. */
+void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us);
+
+/* Ends the connection; `tell`: with a 408 before, if a request is half here. */
+void client_cut(struct client *client, bool tell);
+
+#endif

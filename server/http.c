@@ -1,0 +1,451 @@
+#define _GNU_SOURCE /* POLLRDHUP */
+#include "http.h"
+
+#include "client.h"
+#include "clock.h"
+#include "log.h"
+
+#include <microhttpd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+enum {
+    CONNECTION_MEMORY = 65536, /* headers, and the piece in which bodies arrive */
+    MEMORY_INCREMENT = 16384,
+    INLINE_BODY_MAX = 16384, /* larger bodies take about a millisecond to decode: to a worker */
+    DROP_BODY_MAX = 65536,   /* of a refused request: read, so that the connection survives */
+    LINGER_US = 2000000      /* for a client to read an answer sent amid its upload */
+};
+
+struct http {
+    const struct options *options;
+    struct pool *pool;
+    struct MHD_Daemon *daemon;
+    int listen_fd, epoll_fd;
+    bool draining;
+    struct client *clients; /* all */
+    size_t client_count, active_count;
+    struct client **working; /* those that wait for a worker */
+    size_t working_count;
+    struct body_budget budget;
+    uint64_t random_state;
+};
+
+static int64_t seconds(long s)
+{
+    return (int64_t)s * 1000000;
+}
+
+/* ---- Connections --------------------------------------------------------------------------- */
+
+static void on_connection(void *user, struct MHD_Connection *connection, void **context,
+                          enum MHD_ConnectionNotificationCode code)
+{
+    struct http *http = user;
+    struct client *client = *context;
+    if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
+        if (!client) return;
+        request_clear(&client->request, &http->budget);
+        *(client->previous ? &client->previous->next : &http->clients) = client->next;
+        if (client->next) client->next->previous = client->previous;
+        http->client_count--;
+        free(client);
+        return;
+    }
+    client = calloc(1, sizeof *client);
+    *context = client; /* NULL: on_request closes it */
+    if (!client) return;
+    client->connection = connection;
+    client->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+    client->deadline_us = clock_us() + seconds(http->options->header_timeout);
+    client->next = http->clients;
+    if (client->next) client->next->previous = client;
+    http->clients = client;
+    http->client_count++;
+    if (http->draining) client_cut(client, false);
+}
+
+static void stop_working(struct http *http, struct client *client)
+{
+    struct client *last = http->working[--http->working_count];
+    http->working[client->place] = last;
+    last->place = client->place;
+}
+
+/* ---- Answers ------------------------------------------------------------------------------- */
+
+static enum MHD_Result answer(struct http *http, struct client *client)
+{
+    struct request *request = &client->request;
+    if (http->draining) request->close = true;
+    /* The body stays ours until on_completed: libmicrohttpd neither copies nor frees it. */
+    struct MHD_Response *response = MHD_create_response_from_buffer(
+        request->response.body_size, request->response.body, MHD_RESPMEM_PERSISTENT);
+    if (!response) return MHD_NO;
+    struct request_header headers[REQUEST_HEADERS_MAX];
+    size_t count = request_headers(request, headers);
+    enum MHD_Result result = MHD_YES;
+    for (size_t i = 0; i < count && result == MHD_YES; i++)
+        result = MHD_add_response_header(response, headers[i].name, headers[i].value);
+    if (result == MHD_YES)
+        result =
+            MHD_queue_response(client->connection, (unsigned)request->response.status, response);
+    MHD_destroy_response(response);
+    client->phase = CLIENT_ANSWER;
+    client->deadline_us =
+        clock_us() + seconds(http->options->header_timeout) +
+        (int64_t)(1e6 * (double)request->response.body_size / (double)http->options->min_rate);
+    return result; /* MHD_NO, for want of memory, closes the connection */
+}
+
+/* The answer is settled in the middle of an upload: send it now, let the client read it. */
+static enum MHD_Result answer_raw(struct http *http, struct client *client)
+{
+    request_drop_body(&client->request, &http->budget);
+    client->request.close = true;
+    request_send_raw(&client->request, client->fd);
+    client->raw = true;
+    client->phase = CLIENT_DROP;
+    client->deadline_us = clock_us() + LINGER_US;
+    return MHD_YES;
+}
+
+/* The answer is settled before the body has been read. */
+static enum MHD_Result answer_early(struct http *http, struct client *client,
+                                    const struct client_framing *framing)
+{
+    if (framing->fault || framing->expects_continue) return answer(http, client);
+    if (framing->chunked || framing->length > DROP_BODY_MAX) return answer_raw(http, client);
+    client->phase = CLIENT_DROP;
+    return MHD_YES;
+}
+
+/* ---- Requests ------------------------------------------------------------------------------ */
+
+/* Called with the request line, before libmicrohttpd decodes it in place. */
+static void *on_target(void *user, const char *target, struct MHD_Connection *connection)
+{
+    struct http *http = user;
+    struct client *client =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+    if (!client) return NULL;
+    if (!request_start(&client->request, target)) return NULL;
+    client->phase = CLIENT_HEADERS;
+    client->deadline_us = clock_us() + seconds(http->options->header_timeout);
+    http->active_count++;
+    return client;
+}
+
+static bool cors_allows(const struct http *http, const char *origin)
+{
+    const char *allowed = http->options->cors;
+    return origin && *allowed && (!strcmp(allowed, "*") || !strcmp(allowed, origin));
+}
+
+static enum MHD_Result dispatch(struct http *http, struct client *client)
+{
+    struct request *request = &client->request;
+    request->received_us = clock_us();
+    request->deadline_us = request->received_us + seconds(http->options->deadline);
+    if (!request->route.is_long && request->body_size <= INLINE_BODY_MAX) {
+        request_run(request);
+        return answer(http, client);
+    }
+    if (!pool_submit(http->pool, &request->job)) {
+        request_refuse(request, 503, "all workers are busy and the queue is full");
+        return answer(http, client);
+    }
+    client->phase = CLIENT_WORK;
+    client->deadline_us = CLIENT_NEVER; /* the request has its own */
+    client->place = http->working_count;
+    http->working[http->working_count++] = client;
+    MHD_suspend_connection(client->connection);
+    return MHD_YES;
+}
+
+/* The headers are complete. */
+static enum MHD_Result begin(struct http *http, struct client *client, const char *method)
+{
+    struct request *request = &client->request;
+    const struct client_framing framing = client_framing(client);
+    snprintf(request->method, sizeof request->method, "%s", method);
+    request_set_id(request, client_header(client, "X-Request-Id"), &http->random_state);
+    request->content_type = client_header(client, "Content-Type");
+    request->accept = client_header(client, "Accept");
+    request->body_expected = framing.length;
+    client->deadline_us = clock_us() + seconds(http->options->header_timeout);
+    if (cors_allows(http, client_header(client, "Origin"))) request->cors = http->options->cors;
+
+    if (framing.fault) {
+        request->close = true;
+        request_refuse(request, 400, framing.fault);
+        return answer_early(http, client, &framing);
+    }
+    if (strlen(request->path) + strlen(request->query) > REQUEST_TARGET_MAX) {
+        request_refuse(request, 414, "the request line is too long");
+        return answer_early(http, client, &framing);
+    }
+    if (request->cors && !strcmp(method, "OPTIONS")) {
+        request->response.status = 204;
+        return answer_early(http, client, &framing);
+    }
+    request->route =
+        api_lookup(strcmp(method, "HEAD") ? method : "GET", request->path, request->content_type);
+    if (!request->route.found) {
+        request_run(request);
+        return answer_early(http, client, &framing);
+    }
+    if (framing.length > request->route.body_max) {
+        request_refuse(request, 413, "the body is larger than this endpoint takes");
+        return answer_early(http, client, &framing);
+    }
+    client->phase = CLIENT_BODY;
+    return MHD_YES;
+}
+
+static enum MHD_Result collect(struct http *http, struct client *client, const char *data,
+                               size_t size)
+{
+    struct request *request = &client->request;
+    if (client->phase == CLIENT_DROP) return MHD_YES;
+    client_extend(client, size, http->options->min_rate, seconds(http->options->header_timeout));
+    switch (request_add_body(request, data, size, &http->budget)) {
+    case BODY_OK:
+        return MHD_YES;
+    case BODY_TOO_LARGE:
+        request_refuse(request, 413, "the body is larger than this endpoint takes");
+        break;
+    case BODY_NO_MEMORY:
+        request_refuse(request, 503, "too many bodies are being received");
+        break;
+    }
+    return answer_raw(http, client);
+}
+
+static enum MHD_Result on_request(void *user, struct MHD_Connection *connection, const char *url,
+                                  const char *method, const char *version, const char *data,
+                                  size_t *size, void **context)
+{
+    struct http *http = user;
+    struct client *client = *context;
+    (void)connection, (void)url, (void)version;
+    if (!client) return MHD_NO;
+    if (client->phase == CLIENT_HEADERS) return begin(http, client, method);
+    if (*size) {
+        size_t arrived = *size;
+        *size = 0;
+        return collect(http, client, data, arrived);
+    }
+    if (client->raw) return MHD_NO; /* answered; the whole upload has come: close */
+    if (client->phase == CLIENT_DROP) return answer(http, client);
+    if (client->phase == CLIENT_BODY) return dispatch(http, client);
+    if (atomic_load(&client->request.gone)) return MHD_NO;
+    return answer(http, client); /* back from the worker */
+}
+
+static const char *end_text(const struct client *client, enum MHD_RequestTerminationCode code)
+{
+    if (client->cut) return "cut";
+    if (client->request.gone) return "gone";
+    if (client->raw) return "refused";
+    switch (code) {
+    case MHD_REQUEST_TERMINATED_COMPLETED_OK:
+        return "ok";
+    case MHD_REQUEST_TERMINATED_TIMEOUT_REACHED:
+        return "timeout";
+    case MHD_REQUEST_TERMINATED_DAEMON_SHUTDOWN:
+        return "shutdown";
+    case MHD_REQUEST_TERMINATED_CLIENT_ABORT:
+        return "aborted";
+    case MHD_REQUEST_TERMINATED_READ_ERROR:
+        return "aborted";
+    case MHD_REQUEST_TERMINATED_WITH_ERROR:
+        break;
+    }
+    return "error";
+}
+
+static void on_completed(void *user, struct MHD_Connection *connection, void **context,
+                         enum MHD_RequestTerminationCode code)
+{
+    struct http *http = user;
+    struct client *client = *context;
+    (void)connection;
+    if (!client) return;
+    *context = NULL;
+    request_log(&client->request, end_text(client, code));
+    request_clear(&client->request, &http->budget);
+    http->active_count--;
+    client->phase = CLIENT_IDLE;
+    client->used = true;
+    client->deadline_us = clock_us() + seconds(http->options->timeout);
+}
+
+/* ---- Called by the loop -------------------------------------------------------------------- */
+
+static struct client *client_of(struct pool_job *job)
+{
+    return (struct client *)job; /* job is the first member of request, request that of client */
+}
+
+void http_collect(struct http *http)
+{
+    struct pool_job *job;
+    while ((job = pool_collect(http->pool))) {
+        struct client *client = client_of(job);
+        stop_working(http, client);
+        MHD_resume_connection(client->connection);
+    }
+}
+
+size_t http_watch(const struct http *http, struct pollfd *fds)
+{
+    for (size_t i = 0; i < http->working_count; i++) {
+        const struct client *client = http->working[i];
+        fds[i].fd = atomic_load(&client->request.gone) ? -1 : client->fd; /* -1: poll skips it */
+        fds[i].events = POLLRDHUP;
+        fds[i].revents = 0;
+    }
+    return http->working_count;
+}
+
+static void cancel(struct http *http, struct client *client)
+{
+    atomic_store(&client->request.gone, true);
+    if (!pool_withdraw(http->pool, &client->request.job)) return; /* http_collect will resume it */
+    stop_working(http, client);
+    MHD_resume_connection(client->connection);
+}
+
+/* Downwards, because stop_working moves the last client into the place that becomes free. */
+void http_watched(struct http *http, const struct pollfd *fds, size_t count)
+{
+    for (size_t i = count; i-- > 0;)
+        if (fds[i].fd >= 0 && fds[i].revents) cancel(http, http->working[i]);
+}
+
+void http_cancel(struct http *http)
+{
+    for (size_t i = http->working_count; i-- > 0;) cancel(http, http->working[i]);
+}
+
+void http_reap(struct http *http)
+{
+    int64_t now = clock_us();
+    for (struct client *client = http->clients; client; client = client->next)
+        if (now > client->deadline_us) client_cut(client, true);
+}
+
+int http_fd(const struct http *http)
+{
+    return http->epoll_fd;
+}
+
+int http_timeout_ms(const struct http *http)
+{
+    MHD_UNSIGNED_LONG_LONG ms;
+    if (MHD_get_timeout(http->daemon, &ms) != MHD_YES) return -1;
+    return ms < 60000 ? (int)ms : 60000;
+}
+
+void http_turn(struct http *http)
+{
+    MHD_run(http->daemon);
+}
+
+int http_overflow_fd(const struct http *http)
+{
+    return http->client_count >= (size_t)http->options->max_connections ? http->listen_fd : -1;
+}
+
+size_t http_connections(const struct http *http)
+{
+    return http->client_count;
+}
+
+size_t http_active(const struct http *http)
+{
+    return http->active_count;
+}
+
+/* ---- Begin and end ------------------------------------------------------------------------- */
+
+/* Called when libmicrohttpd finds itself broken; it aborts after this. */
+static void on_panic(void *user, const char *file, unsigned line, const char *reason)
+{
+    (void)user;
+    log_line("event=panic file=%s line=%u reason=\"%s\"", file, line, reason ? reason : "");
+    log_flush();
+    _exit(70); /* EX_SOFTWARE */
+}
+
+static bool start_daemon(struct http *http)
+{
+    const struct options *options = http->options;
+    MHD_set_panic_func(on_panic, NULL);
+    http->daemon = MHD_start_daemon(
+        MHD_USE_EPOLL | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL, on_request, http,
+        MHD_OPTION_LISTEN_SOCKET, http->listen_fd, MHD_OPTION_CONNECTION_LIMIT,
+        (unsigned)options->max_connections, MHD_OPTION_CONNECTION_TIMEOUT,
+        (unsigned)options->timeout, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY,
+        MHD_OPTION_CONNECTION_MEMORY_INCREMENT, (size_t)MEMORY_INCREMENT,
+        MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_SIGPIPE_HANDLED_BY_APP, 1,
+        MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_URI_LOG_CALLBACK, on_target,
+        http, MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_END);
+    if (!http->daemon) return false;
+    const union MHD_DaemonInfo *info = MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_EPOLL_FD);
+    if (!info) return false;
+    http->epoll_fd = info->epoll_fd;
+    return true;
+}
+
+struct http *http_create(const struct options *options, int listen_fd, struct pool *pool)
+{
+    struct http *http = calloc(1, sizeof *http);
+    if (!http) {
+        fputs("facetd: out of memory\n", stderr);
+        close(listen_fd);
+        return NULL;
+    }
+    http->options = options;
+    http->pool = pool;
+    http->listen_fd = listen_fd;
+    http->budget.max = (size_t)options->body_memory << 20;
+    http->working = calloc((size_t)(options->workers + options->queue), sizeof *http->working);
+    /* Ids need to differ, not to be secret: the address of a fresh page does if the kernel has
+     * none. */
+    if (getrandom(&http->random_state, sizeof http->random_state, GRND_NONBLOCK) < 0)
+        http->random_state = (uint64_t)clock_us() ^ (uint64_t)(uintptr_t)http;
+    if (!http->working || !start_daemon(http)) {
+        fputs("facetd: cannot start the HTTP server: out of memory or descriptors\n", stderr);
+        http_destroy(http);
+        return NULL;
+    }
+    return http;
+}
+
+void http_quiesce(struct http *http)
+{
+    http->draining = true;
+    MHD_quiesce_daemon(http->daemon);
+    close(http->listen_fd);
+    http->listen_fd = -1;
+    for (struct client *client = http->clients; client; client = client->next)
+        if (client->phase == CLIENT_IDLE) client_cut(client, false);
+}
+
+void http_destroy(struct http *http)
+{
+    if (!http) return;
+    if (http->daemon) {
+        if (http->listen_fd >= 0) MHD_quiesce_daemon(http->daemon);
+        MHD_stop_daemon(http->daemon);
+    }
+    if (http->listen_fd >= 0) close(http->listen_fd);
+    free(http->working);
+    free(http);
+}

@@ -1,0 +1,147 @@
+#include "options.h"
+
+#include <errno.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct row {
+    const char *flag, *environment, *help;
+    size_t offset;
+    const char *text; /* default of a text; NULL for a number */
+    long number, min, max;
+};
+
+static const struct row rows[] = {
+#define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)                          \
+    {flag, environment, help, offsetof(struct options, field), NULL, fallback, min, max},
+#define OPTION_TEXT(field, flag, environment, fallback, help)                                      \
+    {flag, environment, help, offsetof(struct options, field), fallback, 0, 0, 0},
+#include "options.def"
+#undef OPTION_NUMBER
+#undef OPTION_TEXT
+};
+
+enum { ROW_COUNT = sizeof rows / sizeof *rows };
+
+static void set_text(struct options *options, const struct row *row, const char *text)
+{
+    *(const char **)((char *)options + row->offset) = text;
+}
+
+static void set_number(struct options *options, const struct row *row, long number)
+{
+    *(long *)((char *)options + row->offset) = number;
+}
+
+static void set_defaults(struct options *options)
+{
+    for (size_t i = 0; i < ROW_COUNT; i++) {
+        if (rows[i].text)
+            set_text(options, &rows[i], rows[i].text);
+        else
+            set_number(options, &rows[i], rows[i].number);
+    }
+}
+
+/* `where` names the flag or the variable in the message. */
+static bool set(struct options *options, const struct row *row, const char *where,
+                const char *value)
+{
+    if (row->text) {
+        set_text(options, row, value);
+        return true;
+    }
+    char *end;
+    errno = 0;
+    long number = strtol(value, &end, 10);
+    if (errno || end == value || *end || number < row->min || number > row->max) {
+        fprintf(stderr, "facetd: %s takes a whole number from %ld to %ld, not \"%s\"\n", where,
+                row->min, row->max, value);
+        return false;
+    }
+    set_number(options, row, number);
+    return true;
+}
+
+static const struct row *find(const char *flag, size_t length)
+{
+    for (size_t i = 0; i < ROW_COUNT; i++)
+        if (strlen(rows[i].flag) == length && !memcmp(rows[i].flag, flag, length)) return &rows[i];
+    return NULL;
+}
+
+static void print_help(void)
+{
+    puts("facetd - microfacet BRDFs over HTTP: evaluate, sample, fit, filter\n\n"
+         "usage: facetd [--OPTION VALUE | --OPTION=VALUE]...\n");
+    for (size_t i = 0; i < ROW_COUNT; i++) {
+        const struct row *row = &rows[i];
+        printf("  --%-16s %s\n%21s", row->flag, row->help, "");
+        if (row->text)
+            printf("default \"%s\", or $%s\n", row->text, row->environment);
+        else
+            printf("%ld to %ld, default %ld, or $%s\n", row->min, row->max, row->number,
+                   row->environment);
+    }
+    puts("  --healthcheck      ask the daemon at that address and port; exit 0 when it is well\n"
+         "  --help, --version\n\n"
+         "SIGTERM and SIGINT: accept nothing new, finish what runs, exit 0; a second one ends at "
+         "once.");
+}
+
+static bool read_environment(struct options *options)
+{
+    for (size_t i = 0; i < ROW_COUNT; i++) {
+        const char *value = getenv(rows[i].environment);
+        if (value && !set(options, &rows[i], rows[i].environment, value)) return false;
+    }
+    return true;
+}
+
+static bool check_choices(const struct options *options)
+{
+    static const char *const levels[] = {"requests", "events", "none"};
+    for (size_t i = 0; i < sizeof levels / sizeof *levels; i++)
+        if (!strcmp(options->log, levels[i])) return true;
+    fprintf(stderr, "facetd: --log is one of requests, events, none, not \"%s\"\n", options->log);
+    return false;
+}
+
+enum options_action options_read(int argc, char **argv, struct options *options)
+{
+    enum options_action action = OPTIONS_SERVE;
+    set_defaults(options);
+    if (!read_environment(options)) return OPTIONS_BAD;
+    for (int i = 1; i < argc; i++) {
+        const char *word = argv[i];
+        if (!strcmp(word, "--help")) {
+            print_help();
+            return OPTIONS_DONE;
+        }
+        if (!strcmp(word, "--version")) {
+            puts("facetd " FACET_VERSION);
+            return OPTIONS_DONE;
+        }
+        if (!strcmp(word, "--healthcheck")) {
+            action = OPTIONS_HEALTHCHECK;
+            continue;
+        }
+        const char *flag = strncmp(word, "--", 2) ? "" : word + 2;
+        const char *value = strchr(flag, '=');
+        const struct row *row = find(flag, value ? (size_t)(value - flag) : strlen(flag));
+        if (!row) {
+            fprintf(stderr, "facetd: unknown option \"%s\"; see facetd --help\n", word);
+            return OPTIONS_BAD;
+        }
+        value = value ? value + 1 : argv[++i]; /* argv ends with NULL */
+        if (!value) {
+            fprintf(stderr, "facetd: %s needs a value\n", word);
+            return OPTIONS_BAD;
+        }
+        if (!set(options, row, word, value)) return OPTIONS_BAD;
+    }
+    return check_choices(options) ? action : OPTIONS_BAD;
+}

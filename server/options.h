@@ -1,0 +1,24 @@
+/* options.h - the command line and the environment of facetd; the rows are in options.def. */
+#ifndef OPTIONS_H
+#define OPTIONS_H
+
+struct options {
+#define OPTION_NUMBER(field, flag, environment, fallback, min, max, help) long field;
+#define OPTION_TEXT(field, flag, environment, fallback, help) const char *field;
+#include "options.def"
+#undef OPTION_NUMBER
+#undef OPTION_TEXT
+};
+
+enum options_action {
+    OPTIONS_SERVE,
+    OPTIONS_HEALTHCHECK, /* ask the daemon that runs with the same options, and exit */
+    OPTIONS_DONE,        /* --help or --version was printed */
+    OPTIONS_BAD          /* a message was printed */
+};
+
+/* Flags win over the environment, which wins over the defaults.  Texts point into argv or environ.
+ */
+enum options_action options_read(int argc, char **argv, struct options *options);
+
+#endif

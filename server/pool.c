@@ -1,0 +1,155 @@
+#include "pool.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+struct pool {
+    pthread_mutex_t mutex;
+    pthread_cond_t work;
+    struct pool_job *first, **last; /* waiting, oldest first */
+    struct pool_job *done;          /* finished, newest first */
+    bool stopping;
+    int fd;               /* readable while done is not empty */
+    unsigned pending_max; /* workers + queue */
+    unsigned pending;     /* network thread only */
+    unsigned thread_count;
+    pthread_t threads[];
+};
+
+static void finish(struct pool *pool, struct pool_job *job)
+{
+    const uint64_t one = 1;
+    job->next = pool->done;
+    pool->done = job;
+    /* Fails only if 2^64 - 2 signals were waiting; the fd is readable then anyway. */
+    while (write(pool->fd, &one, sizeof one) < 0 && errno == EINTR) {
+    }
+}
+
+static void *work(void *user)
+{
+    struct pool *pool = user;
+    pthread_mutex_lock(&pool->mutex);
+    for (;;) {
+        while (!pool->first && !pool->stopping) pthread_cond_wait(&pool->work, &pool->mutex);
+        if (!pool->first) break;
+        struct pool_job *job = pool->first;
+        pool->first = job->next;
+        if (!pool->first) pool->last = &pool->first;
+        pthread_mutex_unlock(&pool->mutex);
+        job->run(job);
+        pthread_mutex_lock(&pool->mutex);
+        finish(pool, job);
+    }
+    pthread_mutex_unlock(&pool->mutex);
+    return NULL;
+}
+
+/* errno says why the pool is NULL. */
+static struct pool *allocate(unsigned workers, unsigned queue_max)
+{
+    struct pool *pool = calloc(1, sizeof *pool + workers * sizeof *pool->threads);
+    if (!pool) return NULL;
+    pool->last = &pool->first;
+    pool->pending_max = workers + queue_max;
+    pool->fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (pool->fd < 0) goto no_fd;
+    if ((errno = pthread_mutex_init(&pool->mutex, NULL))) goto no_mutex;
+    if ((errno = pthread_cond_init(&pool->work, NULL))) goto no_cond;
+    return pool;
+no_cond:
+    pthread_mutex_destroy(&pool->mutex);
+no_mutex:
+    close(pool->fd);
+no_fd:
+    free(pool);
+    return NULL;
+}
+
+struct pool *pool_create(unsigned workers, unsigned queue_max)
+{
+    struct pool *pool = allocate(workers, queue_max);
+    if (!pool) return NULL;
+    while (pool->thread_count < workers) {
+        int error = pthread_create(&pool->threads[pool->thread_count], NULL, work, pool);
+        if (error) {
+            pool_destroy(pool);
+            errno = error;
+            return NULL;
+        }
+        pool->thread_count++;
+    }
+    return pool;
+}
+
+bool pool_submit(struct pool *pool, struct pool_job *job)
+{
+    if (pool->pending == pool->pending_max) return false;
+    pool->pending++;
+    job->next = NULL;
+    pthread_mutex_lock(&pool->mutex);
+    *pool->last = job;
+    pool->last = &job->next;
+    pthread_cond_signal(&pool->work);
+    pthread_mutex_unlock(&pool->mutex);
+    return true;
+}
+
+bool pool_withdraw(struct pool *pool, struct pool_job *job)
+{
+    bool found = false;
+    pthread_mutex_lock(&pool->mutex);
+    for (struct pool_job **at = &pool->first; *at; at = &(*at)->next) {
+        if (*at != job) continue;
+        *at = job->next;
+        if (!*at) pool->last = at;
+        found = true;
+        break;
+    }
+    pthread_mutex_unlock(&pool->mutex);
+    if (found) pool->pending--;
+    return found;
+}
+
+int pool_fd(const struct pool *pool)
+{
+    return pool->fd;
+}
+
+struct pool_job *pool_collect(struct pool *pool)
+{
+    uint64_t count;
+    pthread_mutex_lock(&pool->mutex);
+    struct pool_job *job = pool->done;
+    if (job) pool->done = job->next;
+    /* Reset under the lock, so that no later finish is missed; EAGAIN: it was reset before. */
+    if (!pool->done)
+        while (read(pool->fd, &count, sizeof count) < 0 && errno == EINTR) {
+        }
+    pthread_mutex_unlock(&pool->mutex);
+    if (job) pool->pending--;
+    return job;
+}
+
+unsigned pool_pending(const struct pool *pool)
+{
+    return pool->pending;
+}
+
+void pool_destroy(struct pool *pool)
+{
+    if (!pool) return;
+    pthread_mutex_lock(&pool->mutex);
+    pool->stopping = true;
+    pthread_cond_broadcast(&pool->work);
+    pthread_mutex_unlock(&pool->mutex);
+    for (unsigned i = 0; i < pool->thread_count; i++) pthread_join(pool->threads[i], NULL);
+    pthread_cond_destroy(&pool->work);
+    pthread_mutex_destroy(&pool->mutex);
+    close(pool->fd);
+    free(pool);
+}

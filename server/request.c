@@ -1,0 +1,222 @@
+#include "request.h"
+
+#include "clock.h"
+#include "log.h"
+
+#include <microhttpd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/socket.h>
+
+#define RETRY_AFTER_S "1"
+
+static void run_job(struct pool_job *job)
+{
+    request_run((struct request *)job); /* its first member */
+}
+
+bool request_start(struct request *request, const char *target)
+{
+    /* Absolute form (RFC 9112 section 3.2.2): servers must accept http://host/path. */
+    if (!strncasecmp(target, "http://", 7)) {
+        const char *path = strchr(target + 7, '/');
+        target = path ? path : "/";
+    }
+    request->job.run = run_job;
+    request->deadline_us = INT64_MAX; /* until it is known how long it may take */
+    request->started_us = clock_us();
+    size_t size = strlen(target) + 1;
+    request->target = malloc(size);
+    if (!request->target) return false;
+    memcpy(request->target, target, size);
+    request->path = request->target;
+    request->query = "";
+    char *mark = strchr(request->target, '?');
+    if (mark) {
+        *mark = 0;
+        request->query = mark + 1;
+    }
+    return true;
+}
+
+void request_drop_body(struct request *request, struct body_budget *budget)
+{
+    budget->used -= request->body_capacity;
+    request->body_capacity = 0;
+    free(request->body);
+    request->body = NULL;
+}
+
+void request_clear(struct request *request, struct body_budget *budget)
+{
+    request_drop_body(request, budget);
+    free(request->target);
+    api_response_clear(&request->response);
+    memset(request, 0, sizeof *request);
+}
+
+static bool is_harmless(const char *id)
+{
+    static const char allowed[] =
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.";
+    size_t n = strspn(id, allowed);
+    return n > 0 && n <= REQUEST_ID_MAX && !id[n];
+}
+
+/* Steele, Lea, Flood 2014: SplitMix64; unique, since it permutes a counter. */
+static uint64_t next_random(uint64_t *state)
+{
+    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return z ^ (z >> 31);
+}
+
+void request_set_id(struct request *request, const char *wanted, uint64_t *random_state)
+{
+    if (wanted && is_harmless(wanted))
+        snprintf(request->id, sizeof request->id, "%s", wanted);
+    else
+        snprintf(request->id, sizeof request->id, "%016llx",
+                 (unsigned long long)next_random(random_state));
+}
+
+/* Doubles, starting from the announced size when it is modest: an announcement costs nothing. */
+static size_t next_capacity(const struct request *request, size_t needed)
+{
+    enum { FIRST_MAX = 65536 };
+    size_t limit = request->body_expected ? request->body_expected : request->route.body_max;
+    size_t capacity = request->body_capacity ? 2 * request->body_capacity : FIRST_MAX;
+    if (capacity > limit) capacity = limit;
+    return capacity < needed ? needed : capacity;
+}
+
+enum request_body request_add_body(struct request *request, const void *data, size_t size,
+                                   struct body_budget *budget)
+{
+    size_t room = request->route.body_max - request->body_size;
+    if (size > room) return BODY_TOO_LARGE;
+    size_t needed = request->body_size + size;
+    if (needed > request->body_capacity) {
+        size_t capacity = next_capacity(request, needed), more = capacity - request->body_capacity;
+        if (more > budget->max - budget->used) return BODY_NO_MEMORY;
+        char *body = realloc(request->body, capacity);
+        if (!body) return BODY_NO_MEMORY;
+        budget->used += more;
+        request->body = body;
+        request->body_capacity = capacity;
+    }
+    memcpy(request->body + request->body_size, data, size);
+    request->body_size = needed;
+    return BODY_OK;
+}
+
+static bool is_cancelled(void *user)
+{
+    struct request *request = user;
+    if (atomic_load_explicit(&request->gone, memory_order_relaxed)) return true;
+    if (clock_us() < request->deadline_us) return false;
+    request->overdue = true;
+    return true;
+}
+
+void request_run(struct request *request)
+{
+    const struct api_request call = {
+        /* HEAD is GET whose body is not sent: RFC 9110 section 9.3.2 */
+        .method = strcmp(request->method, "HEAD") ? request->method : "GET",
+        .path = request->path,
+        .query = request->query,
+        .content_type = request->content_type,
+        .accept = request->accept,
+        .body = request->body ? request->body : "",
+        .body_size = request->body_size,
+        .cancelled = is_cancelled,
+        .user = request,
+    };
+    request->began_us = clock_us();
+    if (!is_cancelled(request)) api_handle(&call, &request->response);
+    request->ended_us = clock_us();
+    if (request->overdue)
+        request_refuse(request, 503, "the request took longer than the server allows");
+}
+
+void request_refuse(struct request *request, int status, const char *detail)
+{
+    struct api_response *response = &request->response;
+    api_response_clear(response);
+    memset(response, 0, sizeof *response);
+    api_refuse(status, detail, response);
+    if (status != 429 && status != 503) return;
+    for (size_t i = 0; i < response->header_count; i++)
+        if (!strcasecmp(response->headers[i].name, "Retry-After")) return;
+    if (response->header_count == API_HEADERS_MAX) return;
+    struct api_header *header = &response->headers[response->header_count++];
+    header->name = "Retry-After";
+    snprintf(header->value, sizeof header->value, RETRY_AFTER_S);
+}
+
+size_t request_headers(const struct request *request, struct request_header *headers)
+{
+    const struct api_response *response = &request->response;
+    size_t n = 0;
+    if (request->id[0]) headers[n++] = (struct request_header){"X-Request-Id", request->id};
+    if (response->content_type)
+        headers[n++] = (struct request_header){"Content-Type", response->content_type};
+    for (size_t i = 0; i < response->header_count; i++)
+        headers[n++] =
+            (struct request_header){response->headers[i].name, response->headers[i].value};
+    if (request->close) headers[n++] = (struct request_header){"Connection", "close"};
+    if (!request->cors) return n;
+    headers[n++] = (struct request_header){"Access-Control-Allow-Origin", request->cors};
+    headers[n++] = (struct request_header){"Access-Control-Expose-Headers", "*"};
+    headers[n++] = (struct request_header){"Vary", "Origin"};
+    if (strcmp(request->method, "OPTIONS")) return n;
+    headers[n++] = (struct request_header){"Access-Control-Allow-Methods", "GET, HEAD, POST"};
+    headers[n++] = (struct request_header){"Access-Control-Allow-Headers",
+                                           "Content-Type, Accept, X-Request-Id"};
+    return n;
+}
+
+void request_send_raw(const struct request *request, int fd)
+{
+    char head[2048];
+    struct request_header headers[REQUEST_HEADERS_MAX];
+    size_t count = request_headers(request, headers);
+    const struct api_response *response = &request->response;
+    size_t n = (size_t)snprintf(
+        head, sizeof head, "HTTP/1.1 %d %s\r\nContent-Length: %zu\r\n", response->status,
+        MHD_get_reason_phrase_for((unsigned)response->status), response->body_size);
+    for (size_t i = 0; i < count && n < sizeof head; i++)
+        n += (size_t)snprintf(head + n, sizeof head - n, "%s: %s\r\n", headers[i].name,
+                              headers[i].value);
+    if (n < sizeof head) n += (size_t)snprintf(head + n, sizeof head - n, "\r\n");
+    /* Both go into an empty socket buffer; if the client is gone nobody misses them. */
+    if (n < sizeof head && send(fd, head, n, MSG_DONTWAIT | MSG_NOSIGNAL | MSG_MORE) == (ssize_t)n)
+        (void)send(fd, response->body, response->body_size, MSG_DONTWAIT | MSG_NOSIGNAL);
+    shutdown(fd, SHUT_WR);
+}
+
+static long long span(int64_t from_us, int64_t to_us)
+{
+    return from_us && to_us > from_us ? (long long)(to_us - from_us) : 0;
+}
+
+void request_log(const struct request *request, const char *end)
+{
+    if (!log_requests()) return;
+    char path[256], method[sizeof request->method * 4 + 3];
+    const struct api_response *response = &request->response;
+    const struct api_trace *trace = &response->trace;
+    log_line("event=request id=%s method=%s path=%s status=%d in=%zu out=%zu us_receive=%lld "
+             "us_queue=%lld us_decode=%.1f us_compute=%.1f us_encode=%.1f us_total=%lld tier=%s "
+             "evaluations=%zu end=%s",
+             request->id[0] ? request->id : "-", log_quote(request->method, method, sizeof method),
+             log_quote(request->path, path, sizeof path), response->status, request->body_size,
+             response->body_size, span(request->started_us, request->received_us),
+             span(request->received_us, request->began_us), trace->decode_us, trace->compute_us,
+             trace->encode_us, span(request->started_us, clock_us()),
+             trace->tier ? trace->tier : "-", trace->evaluations, end);
+}

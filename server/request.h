@@ -1,0 +1,85 @@
+/*
+ * request.h - one HTTP request between its first byte and its log line: the collected body, the
+ * call into the API, the answer.  Knows nothing of libmicrohttpd.
+ */
+#ifndef REQUEST_H
+#define REQUEST_H
+
+#include "api.h"
+#include "pool.h"
+
+#include <stdatomic.h>
+#include <stdint.h>
+
+enum {
+    REQUEST_TARGET_MAX = 8000, /* bytes of path and query; RFC 9112 section 3 recommends 8000 */
+    REQUEST_ID_MAX = 64,
+    REQUEST_HEADERS_MAX = API_HEADERS_MAX + 8
+};
+
+struct request {
+    struct pool_job job; /* first: the pool hands it back */
+    char method[16];
+    char id[REQUEST_ID_MAX + 1];
+    char *target; /* owned; path and query point into it */
+    const char *path, *query;
+    const char *content_type, *accept; /* the connection's, valid until the request completes */
+    struct api_route route;
+    char *body;
+    size_t body_size, body_capacity;
+    size_t body_expected; /* Content-Length; 0 if unknown */
+    struct api_response response;
+    const char *cors; /* value of Access-Control-Allow-Origin; NULL: none */
+    bool close;       /* the connection ends after this answer */
+    bool overdue;     /* the deadline passed and the work was told */
+    atomic_bool gone; /* the client left: nobody wants the answer */
+    int64_t deadline_us;
+    int64_t started_us, received_us, began_us, ended_us;
+};
+
+/* Memory of all bodies together: a request that would pass `max` is refused. */
+struct body_budget {
+    size_t used, max;
+};
+
+/* Copies the request line's target; false: out of memory. */
+bool request_start(struct request *request, const char *target);
+
+/* Gives the body's memory back early; body_size stays, for the log. */
+void request_drop_body(struct request *request, struct body_budget *budget);
+
+/* Frees everything and zeroes. */
+void request_clear(struct request *request, struct body_budget *budget);
+
+/* Takes the client's id if it is harmless, else makes one. */
+void request_set_id(struct request *request, const char *wanted, uint64_t *random_state);
+
+enum request_body { BODY_OK, BODY_TOO_LARGE, BODY_NO_MEMORY };
+
+enum request_body request_add_body(struct request *request, const void *data, size_t size,
+                                   struct body_budget *budget);
+
+/* Calls the API and fills the response; on any thread. */
+void request_run(struct request *request);
+
+/* Replaces the response by a problem document; with Retry-After for 429 and 503. */
+void request_refuse(struct request *request, int status, const char *detail);
+
+struct request_header {
+    const char *name, *value;
+};
+
+/* The response's headers but Content-Length and Date; at most REQUEST_HEADERS_MAX. */
+size_t request_headers(const struct request *request, struct request_header *headers);
+
+/*
+ * Writes the whole answer to the socket and shuts the sending side: for answers that are due when
+ * libmicrohttpd takes none (in the middle of an upload, before a request is parsed).  What the
+ * socket's buffer does not take is lost.
+ */
+void request_send_raw(const struct request *request, int fd);
+
+/* One line; `end` says how the request ended. */
+void request_log(const struct request *request, const char *end);
+
+#endif

@@ -1,0 +1,196 @@
+/* What the server refuses, cuts or bounds; its API is the stand-in of fake_api.c. */
+#include "check.h"
+#include "daemon.h"
+
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define FAKE "facetd-fake"
+
+static struct answer answer; /* large; each test fills it anew */
+
+/* Sends the head of an upload and nothing of its body; the status of the answer. */
+static int status_before_body(const struct daemon *daemon, const char *headers)
+{
+    char head[512];
+    int fd = daemon_connect(daemon);
+    snprintf(head, sizeof head, "POST /echo HTTP/1.1\r\nHost: x\r\n%s\r\n", headers);
+    CHECK(daemon_send(fd, head));
+    CHECK(daemon_read(fd, &answer));
+    CHECK(daemon_ends(fd, 5000));
+    close(fd);
+    return answer.status;
+}
+
+TEST(a_body_too_large_is_413_before_it_comes)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    CHECK_INT(status_before_body(&daemon, "Content-Length: 1048577\r\n"), 413);
+    CHECK_INT(status_before_body(&daemon, "Content-Length: 99999999999\r\n"), 413);
+    CHECK_INT(status_before_body(&daemon, "Content-Length: 1048577\r\nExpect: 100-continue\r\n"),
+              413);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(a_body_at_the_limit_is_taken_and_one_beyond_is_not)
+{
+    enum { LIMIT = 1 << 20 };
+    struct daemon daemon;
+    char *body = malloc(LIMIT + 1);
+    if (!body || !daemon_start(&daemon, FAKE, NULL)) return free(body);
+    memset(body, 'b', LIMIT + 1);
+    CHECK(daemon_ask(&daemon, "POST", "/echo", "", body, LIMIT, &answer));
+    CHECK_INT(answer.status, 200);
+    CHECK_INT(answer.body_size, LIMIT);
+    CHECK(daemon_ask(&daemon, "POST", "/echo", "", body, LIMIT + 1, &answer));
+    CHECK_INT(answer.status, 413);
+    CHECK_INT(daemon_stop(&daemon), 0);
+    free(body);
+}
+
+TEST(a_chunked_body_is_counted_as_it_comes)
+{
+    struct daemon daemon;
+    char chunk[65536 + 16];
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    int fd = daemon_connect(&daemon);
+    static const char head[] =
+        "POST /echo HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n";
+    CHECK(daemon_send(fd, head));
+    CHECK(daemon_send(fd, "3\r\nabc\r\n2\r\nde\r\n0\r\n\r\n"));
+    CHECK(daemon_read(fd, &answer));
+    CHECK_INT(answer.status, 200);
+    CHECK_STR(answer.body, "abcde");
+
+    CHECK(daemon_send(fd, head)); /* the same connection, and now without an end */
+    memset(chunk, 'c', sizeof chunk);
+    memcpy(chunk, "10000\r\n", 7);
+    memcpy(chunk + 7 + 65536, "\r\n", 3);
+    int sent = 0;
+    while (sent < 64 && daemon_send(fd, chunk)) sent++;
+    CHECK(daemon_read(fd, &answer));
+    CHECK_INT(answer.status, 413);
+    close(fd);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(bodies_share_a_memory_budget)
+{
+    enum { SIZE = 2 << 20 };
+    struct daemon daemon;
+    char *body = calloc(1, SIZE);
+    if (!body || !daemon_start(&daemon, FAKE, FLAGS("--body-memory", "1"))) return free(body);
+    CHECK(daemon_ask(&daemon, "POST", "/spin?ms=0", "", body, SIZE, &answer));
+    CHECK_INT(answer.status, 503);
+    CHECK(answer_header(&answer, "Retry-After"));
+    for (int i = 0; i < 4; i++) { /* what was held is given back */
+        CHECK(daemon_ask(&daemon, "POST", "/spin?ms=0", "", body, SIZE / 4, &answer));
+        CHECK_INT(answer.status, 200);
+    }
+    CHECK_INT(daemon_stop(&daemon), 0);
+    free(body);
+}
+
+/* Drips `text` over `fd` until the server has enough; how long it took in ms, or -1 after `limit`.
+ */
+static double drip(int fd, const char *text, long pause_ms, double limit_ms)
+{
+    double start = now_ms();
+    while (now_ms() - start < limit_ms) {
+        char byte;
+        ssize_t n = recv(fd, &byte, 1, MSG_DONTWAIT);
+        if (n >= 0 || !daemon_send(fd, text)) return now_ms() - start;
+        sleep_ms(pause_ms);
+    }
+    return -1;
+}
+
+TEST(a_client_that_drips_its_headers_is_cut)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, FLAGS("--header-timeout", "1"))) return;
+    int fd = daemon_connect(&daemon);
+    CHECK(daemon_send(fd, "GET /healthz HTTP/1.1\r\nX: "));
+    double cut = drip(fd, "a", 50, 8000);
+    CHECK(cut > 500);
+    check_note("cut_ms", cut);
+    CHECK(daemon_ends(fd, 1000));
+    close(fd);
+    fd = daemon_connect(&daemon); /* and one that says nothing at all */
+    CHECK(daemon_read(fd, &answer));
+    CHECK_INT(answer.status, 408);
+    close(fd);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(a_slow_upload_is_cut_and_an_honest_one_is_not)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, FLAGS("--header-timeout", "1", "--min-rate", "100"))) return;
+    int slow = daemon_connect(&daemon), honest = daemon_connect(&daemon);
+    static const char head[] = "POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 600\r\n\r\n";
+    static const char ten[] = "0123456789";
+    CHECK(daemon_send(slow, head) && daemon_send(honest, head));
+    double start = now_ms();
+    for (int sent = 0; sent < 600; sent += 10) { /* 10 bytes each 50 ms: 200 a second */
+        CHECK(daemon_send(honest, ten));
+        if (sent % 100 == 0) daemon_send(slow, "s");
+        sleep_ms(50);
+    }
+    check_note("honest_upload_ms", now_ms() - start);
+    CHECK(daemon_read(honest, &answer));
+    CHECK_INT(answer.status, 200);
+    CHECK(daemon_read(slow, &answer));
+    CHECK_INT(answer.status, 408);
+    close(slow);
+    close(honest);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(a_client_that_takes_no_answer_is_cut)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE,
+                      FLAGS("--header-timeout", "1", "--min-rate", "100000000", "--drain", "20")))
+        return;
+    int fd = daemon_post(&daemon, "/big?bytes=60000000", "x");
+    sleep_ms(200);
+    double start = now_ms();
+    CHECK_INT(daemon_stop(&daemon), 0); /* would take 20 s, and exit 1, with the client there */
+    CHECK(now_ms() - start < 8000);
+    close(fd);
+}
+
+TEST(a_large_answer_comes_whole)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    CHECK(daemon_ask(&daemon, "POST", "/big?bytes=20000000", "", "x", 1, &answer));
+    CHECK_INT(answer.status, 200);
+    CHECK_INT(answer.body_size, 20000000);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(clients_beyond_the_limit_get_503)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, FLAGS("--max-connections", "2"))) return;
+    int first = daemon_connect(&daemon), second = daemon_connect(&daemon);
+    sleep_ms(100);
+    int third = daemon_connect(&daemon);
+    CHECK(daemon_read(third, &answer));
+    CHECK_INT(answer.status, 503);
+    CHECK(answer_header(&answer, "Retry-After"));
+    close(first);
+    sleep_ms(100);
+    CHECK(daemon_get(&daemon, "/healthz", &answer));
+    CHECK_INT(answer.status, 200);
+    close(second);
+    close(third);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
