@@ -118,7 +118,56 @@ check-layers: $(B)/libfacet.a $(B)/libapi.a
 openapi: $(B)/tests/unit/test_contract
 	FACET_REWRITE=1 $< openapi_is_the_golden_copy
 
+# ---- for people ---------------------------------------------------------------------
+run: ## install what is missing, build, start on PORT (8080), print one answer; Ctrl-C ends it
+	@$(MAKE) --no-print-directory deps WHEN=build
+	@$(MAKE) --no-print-directory all
+	@server/run.sh $(B)/facetd $(PORT)
+
+test: ## install what is missing, build, run every test; ends with "N passed, N failed"
+	@$(MAKE) --no-print-directory deps WHEN='build run test'
+	@tests/run.sh
+
+demo: all ## send real data to every endpoint of a daemon of its own
+	@tests/demo.sh $(B)/facetd
+
+container: ## build the Dockerfile without a Docker engine, run the image and ask it
+	@$(MAKE) --no-print-directory deps WHEN=container
+	@tests/container.sh
+
+PREFIX ?= /usr/local
+install: all ## install facetd below $(DESTDIR)$(PREFIX)
+	install -D -m 755 $(B)/facetd $(DESTDIR)$(PREFIX)/bin/facetd
+	install -D -m 644 LICENSE $(DESTDIR)$(PREFIX)/share/doc/facetd/LICENSE
+
+help: ## this list
+	@sed -n 's/^\([a-z][a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | sort | expand -t 16
+	@echo 'make NAME VARIANT=release|debug|clang|asan|tsan|fuzz builds in build/VARIANT'
+
+# ---- packages.txt -------------------------------------------------------------------
+# Without network and silent when nothing is missing; WHEN: which rows.
+WHEN ?= build
+WANTED  = $$(awk -F'[ |]+' -v when=' $(WHEN) ' '!/^\#/ && NF > 2 && index(when, " " $$2 " ") {print $$1}' packages.txt)
+MISSING = $$(printf '%s\n' $(WANTED) | grep -vxF "$$(dpkg-query -W -f='$${Package} $${db:Status-Status}\n' $(WANTED) 2>/dev/null | sed -n 's/ installed$$//p')")
+
+deps: ## install the Debian packages that are missing (WHEN="build test run container")
+	@if ! command -v dpkg-query >/dev/null; then echo 'deps: this is not Debian; it needs the like of:' $(WANTED); exit 0; fi; \
+	missing=$(MISSING); [ -n "$$missing" ] || exit 0; set -- $$missing; \
+	echo "deps: installing $$*"; sudo=; \
+	if [ "$$(id -u)" != 0 ]; then sudo=sudo; command -v sudo >/dev/null || \
+	    { echo "deps: no root and no sudo; as root: apt-get install --no-install-recommends $$*" >&2; exit 1; }; fi; \
+	$$sudo apt-get -qq update && $$sudo env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "$$@" || \
+	    { echo "deps: apt-get failed; still needed: $$*" >&2; exit 1; }
+
+# packages.txt tells the truth: nothing of it is missing, and what facetd links comes from its run rows.
+deps-check: $(B)/facetd
+	@missing=$(MISSING); [ -z "$$missing" ] && echo "ok packages installed" || echo "FAIL packages missing:" $$missing
+	@for lib in $$(objdump -p $< | awk '$$1 == "NEEDED" {print $$2}'); do \
+	    owner=$$(dpkg-query -S "*/$$lib" 2>/dev/null | sed -n '1s/:.*//p'); \
+	    grep -qE "^($$owner) *\| run " packages.txt || [ "$$owner" = libc6 ] || { echo "FAIL packages: $$lib of $$owner is not a run row"; exit 1; }; \
+	done; echo "ok packages run rows"
+
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers clean
+.PHONY: all openapi clients check check-layers clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
