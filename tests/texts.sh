@@ -15,7 +15,7 @@ packages() {
     echo '|---|---|---|'
     awk -F'|' '!/^#/ && NF == 3 {
         for (i = 1; i <= 3; i++) gsub(/^ +| +$/, "", $i)
-        when = $2 == "build" ? "to build" : $2 == "run" ? "to run" : "for `make test`"
+        when = $2 == "build" ? "to build" : $2 == "run" ? "to run" : "for `make " $2 "`"
         printf "| `%s` | %s | %s |\n", $1, when, $3 }' packages.txt
 }
 [ "${1:-}" != packages ] || { packages; exit; }
