@@ -121,7 +121,7 @@ openapi: $(B)/tests/unit/test_contract
 # ---- for people ---------------------------------------------------------------------
 run: ## install what is missing, build, start on PORT (8080), print one answer; Ctrl-C ends it
 	@$(MAKE) --no-print-directory deps WHEN=build
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) -s --no-print-directory all
 	@server/run.sh $(B)/facetd $(PORT)
 
 test: ## install what is missing, build, run every test; ends with "N passed, N failed"

@@ -17,7 +17,7 @@ printf '[storage]\ndriver = "overlay"\ngraphroot = "%s/graph"\nrunroot = "%s/run
 
 if ! buildah inspect --type image "$base" >/dev/null 2>&1; then
     tar=$place/base.tar
-    mmdebstrap --quiet --variant=minbase --include=ca-certificates bookworm "$tar"
+    [ -s "$tar" ] || { mmdebstrap --quiet --variant=minbase --include=ca-certificates bookworm "$tar.new" --format=tar && mv "$tar.new" "$tar"; }
     c=$(buildah from scratch)
     buildah add --quiet "$c" "$tar" /
     buildah commit --quiet --rm "$c" "$base"

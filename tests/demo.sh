@@ -36,9 +36,7 @@ brief() { # at most 300 characters of text, or what a binary answer is
     if LC_ALL=C grep -qU $'\x01' "$1"; then
         printf '  (%s bytes, starts %s)\n' "$(stat -c %s "$1")" "$(head -c 4 "$1" | od -An -tx1 | tr -d ' ')"
     else
-        head -c 300 "$1" | sed 's/^/  /'
-        [ "$(stat -c %s "$1")" -le 300 ] || printf ' … (%s bytes)' "$(stat -c %s "$1")"
-        echo
+        echo "  $(head -c 300 "$1")$([ "$(stat -c %s "$1")" -le 300 ] || echo " … ($(stat -c %s "$1") bytes)")"
     fi
 }
 
@@ -47,7 +45,7 @@ ask() {
     local pattern=$1 path=$2 measured
     shift 2
     printf '\ncurl %s' "'localhost:8080$path'"
-    [ $# -eq 0 ] || printf ' %q' "$@" | sed "s|$tmp|/tmp|g"
+    for word; do [[ $word == *[^-a-zA-Z0-9@/._]* ]] && word="'${word//$tmp/\/tmp}'"; printf ' %s' "$word"; done
     echo
     measured=$(curl -sS --max-time 60 -o "$tmp/answer" -w '%{http_code} %{time_total}' "$url$path" "$@")
     brief "$tmp/answer"
