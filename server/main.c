@@ -25,23 +25,31 @@ static void choose_workers(struct options *options)
     if (!options->workers) options->workers = cpus < 1 ? 1 : cpus > 256 ? 256 : cpus;
 }
 
-/* Every connection needs a descriptor: better to learn at the start that there are too few. */
-static bool reserve_descriptors(const struct options *options)
+/*
+ * Every connection needs a descriptor.  Where the system allows fewer (containers often have 1024)
+ * the daemon takes fewer connections and says so: better than to learn it from a failing accept.
+ */
+static bool reserve_descriptors(struct options *options)
 {
+    const rlim_t spare = LISTEN_LINGER_MAX + SPARE_DESCRIPTORS;
+    rlim_t needed = (rlim_t)options->max_connections + spare;
     struct rlimit limit;
-    rlim_t needed = (rlim_t)options->max_connections + LISTEN_LINGER_MAX + SPARE_DESCRIPTORS;
     if (getrlimit(RLIMIT_NOFILE, &limit)) {
         fprintf(stderr, "facetd: getrlimit: %s\n", strerror(errno));
         return false;
     }
     if (limit.rlim_cur >= needed) return true;
-    rlim_t hard = limit.rlim_max;
-    limit.rlim_cur = needed;
-    if (needed > hard || setrlimit(RLIMIT_NOFILE, &limit)) {
-        fprintf(stderr,
-                "facetd: --max-connections %ld needs %llu descriptors, ulimit -n allows %llu\n",
-                options->max_connections, (unsigned long long)needed, (unsigned long long)hard);
+    rlim_t allowed = limit.rlim_max < needed ? limit.rlim_max : needed;
+    limit.rlim_cur = allowed;
+    if (allowed <= spare || setrlimit(RLIMIT_NOFILE, &limit)) {
+        fprintf(stderr, "facetd: ulimit -n allows %llu descriptors, too few to serve\n",
+                (unsigned long long)allowed);
         return false;
+    }
+    if (allowed < needed) {
+        options->max_connections = (long)(allowed - spare);
+        log_line("event=limited max_connections=%ld reason=\"ulimit -n is %llu\"",
+                 options->max_connections, (unsigned long long)allowed);
     }
     return true;
 }

@@ -6,7 +6,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #define FAKE "facetd-fake"
@@ -193,4 +195,33 @@ TEST(clients_beyond_the_limit_get_503)
     close(second);
     close(third);
     CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(few_descriptors_mean_few_connections)
+{
+    enum { ALLOWED = 128 };
+    struct rlimit before, few;
+    struct daemon daemon;
+    int fds[ALLOWED], open_count = 0;
+    CHECK_INT(getrlimit(RLIMIT_NOFILE, &before), 0);
+    few = before;
+    few.rlim_cur = ALLOWED;
+    const pid_t child = fork(); /* a hard limit cannot be raised again: lower it in a child */
+    if (child == 0) {
+        few.rlim_max = ALLOWED;
+        setrlimit(RLIMIT_NOFILE, &few);
+        bool well = daemon_start(&daemon, FAKE, NULL);
+        while (well && open_count < 40) {
+            fds[open_count] = daemon_connect(&daemon);
+            if (fds[open_count] < 0) break;
+            open_count++;
+        }
+        sleep_ms(50);
+        /* The last ones are beyond the limit: refused, and not left hanging. */
+        bool refused = open_count > 0 && daemon_read(fds[open_count - 1], &answer);
+        _exit(well && refused && answer.status == 503 && daemon_stop(&daemon) == 0 ? 0 : 1);
+    }
+    int status;
+    CHECK_INT(waitpid(child, &status, 0), child);
+    CHECK_INT(status, 0);
 }
