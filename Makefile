@@ -95,6 +95,15 @@ $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lcurl -ljansson -lz -lpthread -lm
 clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
 
+# The quad-precision reference: always gcc (clang has no quadmath.h), never instrumented (it is slow enough).
+REFERENCE_O := $(patsubst %.c,$(B)/%.o,$(wildcard tests/accuracy/reference*.c))
+$(REFERENCE_O): $(B)/%.o: %.c Makefile
+	@mkdir -p $(@D)
+	gcc $(BASE) -g -O2 -Ilib -MMD -MP -c -o $@ $<
+REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference
+$(REFERENCED): $(REFERENCE_O)
+$(REFERENCED): LDLIBS += -lquadmath
+
 # ---- checks -----------------------------------------------------------------------
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
 # CHECK_ISAS=best: only the best instruction set this processor has.
