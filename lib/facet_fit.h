@@ -35,9 +35,10 @@ typedef struct facet_fit_source {
 #define FACET_FIT_TOLERANCE 0.05 /* default */
 
 /*
- * The error of a fit, over a fixed grid of directions (facet_fit_error_grid):
- * rms of log((FACET_FIT_EPSILON + f_r cos theta_i)/(FACET_FIT_EPSILON + fit)),
- * all channels.
+ * The error of a fit: rms of log((FACET_FIT_EPSILON + f_r cos theta_i)/
+ * (FACET_FIT_EPSILON + fit)), all channels, over the pairs with data and both
+ * cosines >= 1e-3 among theta_h = (pi/2) ((i + 1/2)/45)^2, theta_d = (pi/2)
+ * (j + 1/2)/45, phi_d = pi (k + 1/2)/12: the measure of a MERL file.
  */
 #define FACET_FIT_EPSILON 1e-3
 

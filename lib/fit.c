@@ -20,6 +20,10 @@ enum { QUADRATURE_MIN = 90 };
  * over the hemisphere.
  */
 enum { DIFFERENCES = 90, HALVES = 24, AZIMUTHS = 4 };
+/* Masking only is believed where its residual is smaller by this factor, and more than rounding. */
+#define CLEARLY 0.98
+#define RESIDUAL_MIN 1e-6
+
 /* Directions its error is stated over, elsewhere, in the measure of a MERL file: sqrt(theta_h), theta_d, phi_d. */
 enum { ERROR_HALVES = 45, ERROR_DIFFERENCES = 45, ERROR_AZIMUTHS = 12 };
 enum { BACKSCATTERS = 600 };
@@ -131,9 +135,11 @@ static facet_status choose_convention(struct work *work)
     for (size_t k = 0; status == FACET_OK && k < FACET_FIT_CONVENTION_COUNT; k++)
         status = solve(work, (facet_fit_convention)k, log_d + k * n, &table[k], &residual[k]);
     if (status == FACET_OK) {
-        fit->convention = residual[FACET_FIT_CORRELATED] < residual[FACET_FIT_MASKING_ONLY]
-                              ? FACET_FIT_CORRELATED
-                              : FACET_FIT_MASKING_ONLY;
+        /* where they cannot be told apart, the one that the fitted material itself obeys */
+        fit->convention = residual[FACET_FIT_MASKING_ONLY] < CLEARLY * residual[FACET_FIT_CORRELATED] &&
+                                  residual[FACET_FIT_CORRELATED] > RESIDUAL_MIN
+                              ? FACET_FIT_MASKING_ONLY
+                              : FACET_FIT_CORRELATED;
         fit->table_log_d = log_d + fit->convention * n;
         work->owned->table = table[fit->convention];
         table[fit->convention] = NULL;

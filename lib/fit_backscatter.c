@@ -8,6 +8,9 @@
 
 #define PI 3.14159265358979323846
 
+/* What a slope table takes as log 0, and JSON can carry. */
+#define LOG_ZERO (-1000.0)
+
 /* tan theta that stands for the horizon where the source is known everywhere */
 #define SLOPE_HORIZON 1e6
 
@@ -203,7 +206,7 @@ facet_status facet_fit_density_table(const facet_fit_source *source,
     for (size_t i = 0; status == FACET_OK && i < n; i++) {
         double s = 1 + r[i] * r[i];
         double p = gain(r[i], fr[i]) * masked_sum(density, convention, r[i]) / density->f0;
-        log_d[i] = p > 0 ? log(p) + 2 * log(s) : -INFINITY;
+        log_d[i] = p > 0 ? fmax(log(p) + 2 * log(s), LOG_ZERO) : LOG_ZERO;
     }
     free(r);
     return status;
