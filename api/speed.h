@@ -1,0 +1,11 @@
+/* speed.h - what an evaluation costs on this machine, now. */
+#ifndef API_SPEED_H
+#define API_SPEED_H
+
+#include "arena.h"
+#include "facet.h"
+
+/* Nanoseconds per fr, one channel, the best of a few short batches; false: out of memory. */
+bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, struct arena *arena, double *ns);
+
+#endif
