@@ -327,7 +327,7 @@ static bool handle(struct call *call)
     bool ok = answer(call, &fit);
     facet_fit_clear(&fit);
     double us = api_clock() - start;
-    out->timing_ms = round(us * 1e-1) * 1e-2;
+    out->timing_ms = round(us / 10) / 100;
     call->response->trace.compute_us += us;
     return ok;
 }

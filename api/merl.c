@@ -115,6 +115,9 @@ static void coordinates(const double wi[3], const double wo[3], double *theta_h,
     *phi_d = (phi < 0 ? phi + PI : phi) / PI * AZIMUTHS; /* reciprocity: phi_d and phi_d + pi */
 }
 
+/* Half way between cells with and without data there are data, whatever the last bit says. */
+#define ROUNDING 1e-6
+
 /* Weighted mean of the cells that hold data; false where they are less than half. */
 static bool interpolate(const unsigned char *bytes, struct span h, struct span d, struct span p,
                         double rgb[3])
@@ -130,7 +133,7 @@ static bool interpolate(const unsigned char *bytes, struct span h, struct span d
         for (size_t k = 0; k < 3; k++) sum[k] += weight * value[k] * units[k];
         total += weight;
     }
-    if (total < 0.5) return false;
+    if (total < 0.5 - ROUNDING) return false;
     for (size_t k = 0; k < 3; k++) rgb[k] = sum[k] / total;
     return true;
 }

@@ -38,7 +38,7 @@ typedef struct facet_fit_source {
  * The error of a fit: rms of log((FACET_FIT_EPSILON + f_r cos theta_i)/
  * (FACET_FIT_EPSILON + fit)), all channels, over the pairs with data and both
  * cosines >= 1e-3 among theta_h = (pi/2) ((i + 1/2)/45)^2, theta_d = (pi/2)
- * (j + 1/2)/45, phi_d = pi (k + 1/2)/12: the measure of a MERL file.
+ * (j + 1/2)/40, phi_d = pi (k + 1/2)/12: the measure of a MERL file.
  */
 #define FACET_FIT_EPSILON 1e-3
 

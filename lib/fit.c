@@ -24,8 +24,11 @@ enum { DIFFERENCES = 90, HALVES = 24, AZIMUTHS = 4 };
 #define CLEARLY 0.98
 #define RESIDUAL_MIN 1e-6
 
-/* Directions its error is stated over, elsewhere, in the measure of a MERL file: sqrt(theta_h), theta_d, phi_d. */
-enum { ERROR_HALVES = 45, ERROR_DIFFERENCES = 45, ERROR_AZIMUTHS = 12 };
+/*
+ * Directions its error is stated over, in the measure of a MERL file: sqrt(theta_h), theta_d,
+ * phi_d.  40 parts of theta_d, because the middles of 45 would be nodes of the Fresnel table.
+ */
+enum { ERROR_HALVES = 45, ERROR_DIFFERENCES = 40, ERROR_AZIMUTHS = 12 };
 enum { BACKSCATTERS = 600 };
 
 /* A Fresnel table ends at the horizon, where nothing can be asked: one node more. */

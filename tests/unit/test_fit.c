@@ -213,9 +213,9 @@ TEST(stated_error_is_the_error)
     for (size_t k = 0; k < FACET_FIT_CANDIDATES; k += 2) {
         double sum = 0, count = 0;
         for (int a = 0; a < 45; a++) {
-            for (int b = 0; b < 45; b++) {
+            for (int b = 0; b < 40; b++) {
                 for (int c = 0; c < 12; c++) {
-                    double th = PI / 2 * pow((a + .5) / 45, 2), td = PI / 2 * (b + .5) / 45, pd = PI * (c + .5) / 12;
+                    double th = PI / 2 * pow((a + .5) / 45, 2), td = PI / 2 * (b + .5) / 40, pd = PI * (c + .5) / 12;
                     double d[3] = {sin(td) * cos(pd), sin(td) * sin(pd), cos(td)};
                     double h[3] = {sin(th), 0, cos(th)}, i[3], o[3];
                     i[0] = cos(th) * d[0] + sin(th) * d[2];
