@@ -177,7 +177,7 @@ TEST(the_right_model_is_exact)
             CHECK_REL(right->material.fresnel.f0[c], closed.f0[c], 1e-5, 0);
         CHECK(right->error.rms_log < 1e-5);
         CHECK(wrong->error.rms_log > .1);
-        CHECK(fit.candidate[4].error.rms_log < 1e-4);
+        CHECK(fit.candidate[4].error.rms_log < 5e-4); /* Fresnel linear between nodes 1 degree apart */
         CHECK(right->bytes < fit.candidate[2].bytes && fit.candidate[3].bytes < fit.candidate[4].bytes);
         check_note("rms right", right->error.rms_log);
         check_note("rms tabulated", fit.candidate[4].error.rms_log);
