@@ -1,4 +1,5 @@
-/* POST /v1/fit: the smallest material that is close enough to a measurement or to another material. */
+/* POST /v1/fit: the smallest material that is close enough to a measurement or to another material.
+ */
 #include "endpoint.h"
 #include "facet_fit.h"
 #include "material.h"
@@ -155,8 +156,9 @@ static bool open_material(struct call *call, struct surface *surface, facet_fit_
     if (!api_material_open(in->source, &place, &decoder, surface)) return false;
     const facet_roughness *r = &surface->facet.roughness;
     if (r->alpha_x != r->alpha_y || r->rho != 0 || r->slope_x != 0 || r->slope_y != 0)
-        return api_problem_at(call->problem, &place,
-                              "must be isotropic and have no mean slope: nothing else is fitted yet");
+        return api_problem_at(
+            call->problem, &place,
+            "must be isotropic and have no mean slope: nothing else is fitted yet");
     *source = (facet_fit_source){evaluate_surface, surface, INFINITY};
     return true;
 }
@@ -222,8 +224,8 @@ static bool measure(struct call *call, const facet_material *material, double *n
     if (status) return api_problem_status(call->problem, status, NULL);
     facet_tier tier = FACET_FAST;
     double bound;
-    while (tier < FACET_PRECISE && !(facet_bound(brdf, tier, FACET_FR, 0, &bound) &&
-                                     bound <= TOLERANCE_DEFAULT))
+    while (tier < FACET_PRECISE &&
+           !(facet_bound(brdf, tier, FACET_FR, 0, &bound) && bound <= TOLERANCE_DEFAULT))
         tier++;
     bool ok = api_measure_eval(brdf, tier, call->arena, ns);
     facet_brdf_destroy(brdf);
@@ -288,9 +290,9 @@ static bool choose(struct call *call, const facet_fit *fit, const facet_fit_cand
     else
         snprintf(why, sizeof why, "the smallest of %zu %s%scandidate%s whose rms_log meets %g",
                  considered, asked, space, considered == 1 ? "" : "s", in->tolerance);
-    out->chosen = (struct chosen){api_ndf_names[(*chosen)->material.ndf],
-                                  is_table(&(*chosen)->material), meets,
-                                  api_arena_text(call->arena, why, strlen(why))};
+    out->chosen =
+        (struct chosen){api_ndf_names[(*chosen)->material.ndf], is_table(&(*chosen)->material),
+                        meets, api_arena_text(call->arena, why, strlen(why))};
     return out->chosen.why || api_problem_memory(call->problem);
 }
 

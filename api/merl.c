@@ -62,8 +62,8 @@ bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct pro
                 return api_problem(problem, 422,
                                    "colour plane %zu, theta_h %zu, theta_d %zu, phi_d %zu is not "
                                    "a finite number",
-                                   plane, i / (DIFFERENCES * AZIMUTHS),
-                                   i / AZIMUTHS % DIFFERENCES, i % AZIMUTHS);
+                                   plane, i / (DIFFERENCES * AZIMUTHS), i / AZIMUTHS % DIFFERENCES,
+                                   i % AZIMUTHS);
             data += value > 0;
         }
     }
@@ -77,7 +77,8 @@ double api_merl_slope_max(void)
     return tan(PI / 2 * t * t);
 }
 
-/* Where a coordinate falls among count samples at 0, 1, ...: the cell's ends and the weight of the second. */
+/* Where a coordinate falls among count samples at 0, 1, ...: the cell's ends and the weight of the
+ * second. */
 struct span {
     size_t at[2];
     double weight[2];
@@ -144,11 +145,11 @@ facet_status api_merl_evaluate(const void *user, facet_vec3_in wi, facet_vec3_in
     const struct merl *merl = user;
     for (size_t i = 0; i < n; i++) {
         double theta_h, theta_d, phi_d, rgb[3] = {0, 0, 0};
-        coordinates((double[3]){wi.x[i], wi.y[i], wi.z[i]},
-                    (double[3]){wo.x[i], wo.y[i], wo.z[i]}, &theta_h, &theta_d, &phi_d);
-        valid[i] = interpolate(merl->bytes, locate(theta_h, HALVES, false),
-                               locate(theta_d, DIFFERENCES, false), locate(phi_d, AZIMUTHS, true),
-                               rgb);
+        coordinates((double[3]){wi.x[i], wi.y[i], wi.z[i]}, (double[3]){wo.x[i], wo.y[i], wo.z[i]},
+                    &theta_h, &theta_d, &phi_d);
+        valid[i] =
+            interpolate(merl->bytes, locate(theta_h, HALVES, false),
+                        locate(theta_d, DIFFERENCES, false), locate(phi_d, AZIMUTHS, true), rgb);
         for (size_t k = 0; k < 3; k++) fr[k][i] = rgb[k];
     }
     return FACET_OK;

@@ -31,7 +31,7 @@ typedef struct facet_fit_source {
 
 #define FACET_FIT_RESOLUTION_MIN 8
 #define FACET_FIT_RESOLUTION_MAX 1024
-#define FACET_FIT_RESOLUTION 90 /* default */
+#define FACET_FIT_RESOLUTION 90  /* default */
 #define FACET_FIT_TOLERANCE 0.05 /* default */
 
 /*

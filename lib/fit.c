@@ -34,7 +34,8 @@ enum { BACKSCATTERS = 600 };
 /* A Fresnel table ends at the horizon, where nothing can be asked: one node more. */
 enum { FRESNEL_NODES = DIFFERENCES + 1 };
 
-/* What a facet_fit owns: Fresnel tables of GGX, Beckmann and tabulated, in the order of cos_theta_d. */
+/* What a facet_fit owns: Fresnel tables of GGX, Beckmann and tabulated, in the order of
+ * cos_theta_d. */
 struct owned {
     facet_slope_table *table;
     double cos_theta_d[FRESNEL_NODES], fresnel[FACET_NDF_COUNT][3][FRESNEL_NODES];
@@ -139,10 +140,11 @@ static facet_status choose_convention(struct work *work)
         status = solve(work, (facet_fit_convention)k, log_d + k * n, &table[k], &residual[k]);
     if (status == FACET_OK) {
         /* where they cannot be told apart, the one that the fitted material itself obeys */
-        fit->convention = residual[FACET_FIT_MASKING_ONLY] < CLEARLY * residual[FACET_FIT_CORRELATED] &&
-                                  residual[FACET_FIT_CORRELATED] > RESIDUAL_MIN
-                              ? FACET_FIT_MASKING_ONLY
-                              : FACET_FIT_CORRELATED;
+        fit->convention =
+            residual[FACET_FIT_MASKING_ONLY] < CLEARLY * residual[FACET_FIT_CORRELATED] &&
+                    residual[FACET_FIT_CORRELATED] > RESIDUAL_MIN
+                ? FACET_FIT_MASKING_ONLY
+                : FACET_FIT_CORRELATED;
         fit->table_log_d = log_d + fit->convention * n;
         work->owned->table = table[fit->convention];
         table[fit->convention] = NULL;
@@ -277,8 +279,8 @@ facet_status facet_fit_isotropic(const facet_fit_source *source, facet_masking m
     if (masking != FACET_SMITH) return FACET_UNSUPPORTED;
     struct work work = {.source = source, .masking = masking, .watch = watch, .fit = fit};
     for (size_t c = 0; c < 3; c++) work.value[c] = work.values[c];
-    work.owned = calloc(1, sizeof *work.owned + FACET_FIT_CONVENTION_COUNT * fit->table_nodes *
-                                                    sizeof(double));
+    work.owned = calloc(1, sizeof *work.owned +
+                               FACET_FIT_CONVENTION_COUNT * fit->table_nodes * sizeof(double));
     fit->owned = work.owned;
     work.status = fit->owned ? FACET_OK : FACET_NO_MEMORY;
     if (work.status == FACET_OK) run(&work);

@@ -29,7 +29,8 @@ static bool pairs_create(struct pairs *pairs, size_t n)
     return true;
 }
 
-/* From slope `from` with value fr to slope r, where there are no data: D is constant at the horizon. */
+/* From slope `from` with value fr to slope r, where there are no data: D is constant at the
+ * horizon. */
 static double extend(double fr, double from, double r)
 {
     return fr * sqrt((1 + r * r) / (1 + from * from));

@@ -16,9 +16,9 @@ static bool allocate(struct fit_pairs *pairs, size_t n)
     double *at = calloc(n, DOUBLES * sizeof *at + sizeof *pairs->group);
     if (!at) return false;
     pairs->owned = at;
-    double **to[] = {&pairs->wi[0],     &pairs->wi[1],     &pairs->wi[2],     &pairs->wo[0],
-                     &pairs->wo[1],     &pairs->wo[2],     &pairs->fr_cos[0], &pairs->fr_cos[1],
-                     &pairs->fr_cos[2], &pairs->log_fr[0], &pairs->log_fr[1], &pairs->log_fr[2],
+    double **to[] = {&pairs->wi[0],     &pairs->wi[1],      &pairs->wi[2],     &pairs->wo[0],
+                     &pairs->wo[1],     &pairs->wo[2],      &pairs->fr_cos[0], &pairs->fr_cos[1],
+                     &pairs->fr_cos[2], &pairs->log_fr[0],  &pairs->log_fr[1], &pairs->log_fr[2],
                      &pairs->model,     &pairs->cos_theta_d};
     for (size_t i = 0; i < DOUBLES; i++) *to[i] = at + i * n;
     pairs->group = (size_t *)(at + DOUBLES * n);
@@ -123,8 +123,8 @@ facet_status facet_fit_pairs_model(struct fit_pairs *pairs, const facet_material
     outputs.of[FACET_FR_COS][0] = pairs->model;
     facet_status status = facet_brdf_create(&plain, &brdf);
     if (status != FACET_OK) return status;
-    status = facet_eval(brdf, FACET_PRECISE, view(pairs->wi), view(pairs->wo), pairs->count,
-                        &outputs);
+    status =
+        facet_eval(brdf, FACET_PRECISE, view(pairs->wi), view(pairs->wo), pairs->count, &outputs);
     facet_brdf_destroy(brdf);
     return status;
 }
@@ -244,7 +244,8 @@ double facet_fit_residual(const struct fit_pairs *pairs, double *const values[3]
 
 /* ---- Errors ---------------------------------------------------------------------------- */
 
-/* The quantity of a material in as many channels as the pairs have; room must be freed by the caller. */
+/* The quantity of a material in as many channels as the pairs have; room must be freed by the
+ * caller. */
 static facet_status evaluate(const struct fit_pairs *pairs, const facet_material *material,
                              facet_quantity quantity, double *out[3], double **room)
 {

@@ -10,10 +10,10 @@
 struct fit_pairs {
     size_t count, channels; /* channels 1: the source has no colour */
     double *wi[3], *wo[3];
-    double *fr_cos[3];  /* of the source */
-    double *log_fr[3];  /* log(FACET_FIT_EPSILON + fr_cos) */
-    double *model;      /* room for fr_cos of an uncoloured material */
-    size_t *group;      /* index into cos_theta_d */
+    double *fr_cos[3];   /* of the source */
+    double *log_fr[3];   /* log(FACET_FIT_EPSILON + fr_cos) */
+    double *model;       /* room for fr_cos of an uncoloured material */
+    size_t *group;       /* index into cos_theta_d */
     double *cos_theta_d; /* of the groups, decreasing */
     size_t groups;
     void *owned;
@@ -41,7 +41,8 @@ facet_status facet_fit_pairs_model(struct fit_pairs *pairs, const facet_material
  * no group could be determined.  Schlick: f0[c], from the table as a start.
  */
 bool facet_fit_fresnel_table(const struct fit_pairs *pairs, double *const values[3]);
-void facet_fit_fresnel_schlick(const struct fit_pairs *pairs, double *const values[3], double f0[3]);
+void facet_fit_fresnel_schlick(const struct fit_pairs *pairs, double *const values[3],
+                               double f0[3]);
 
 /* The sum of squares that this table leaves. */
 double facet_fit_residual(const struct fit_pairs *pairs, double *const values[3]);

@@ -38,14 +38,18 @@ double facet_minimize(double (*f)(double x, void *user), void *user, double low,
         now.x = best.x + step;
         now.y = f(now.x, user);
         if (now.y <= best.y) {
-            if (now.x < best.x) high = best.x;
-            else low = best.x;
+            if (now.x < best.x)
+                high = best.x;
+            else
+                low = best.x;
             third = second;
             second = best;
             best = now;
         } else {
-            if (now.x < best.x) low = now.x;
-            else high = now.x;
+            if (now.x < best.x)
+                low = now.x;
+            else
+                high = now.x;
             if (now.y <= second.y || second.x == best.x) {
                 third = second;
                 second = now;

@@ -12,7 +12,8 @@
 /* Variation of log_q on one piece: 8 Gauss points integrate exp over it to 2e-15. */
 #define VARIATION_MAX 3.0
 
-/* (scale/r)^46 of rings nearer to 0 than this times scale could overflow; no v > 0 is asked for there. */
+/* (scale/r)^46 of rings nearer to 0 than this times scale could overflow; no v > 0 is asked for
+ * there. */
 #define NEAR_ZERO 1e-6
 
 struct cutter {
@@ -145,7 +146,8 @@ static void add_ring(struct psi *psi, double weight, double r, double rest)
 {
     double t = 2 * asin(sqrt(rest / 2)), t2 = t * t, bracket;
     if (t < 0.3)
-        bracket = t * t2 * (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
+        bracket =
+            t * t2 * (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
     else
         bracket = sqrt(rest * (2 - rest)) - t * (1 - rest);
     psi->value += weight * r * bracket / PI;
@@ -198,8 +200,10 @@ double facet_slope_pieces_psi(const struct slope_pieces *pieces, double v, doubl
     size_t low = 0, high = pieces->count;
     while (low < high) { /* first piece that ends above v */
         size_t middle = low + (high - low) / 2;
-        if (pieces->piece[middle].u1 > uv) high = middle;
-        else low = middle + 1;
+        if (pieces->piece[middle].u1 > uv)
+            high = middle;
+        else
+            low = middle + 1;
     }
     for (size_t p = low; p < pieces->count; p++) {
         const struct slope_piece *piece = &pieces->piece[p];

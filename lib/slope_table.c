@@ -11,7 +11,8 @@
 #define SCALE_MIN 1e-8
 #define SCALE_MAX 1e4
 #define LOG_D_ZERO (-700.0) /* and below counts as D = 0 (facet_table.h) */
-/* sigma is tabulated on so many cells, more until its errors are below the targets or they are too many. */
+/* sigma is tabulated on so many cells, more until its errors are below the targets or they are too
+ * many. */
 #define PSI_CELLS_MIN 128
 #define PSI_CELLS_MAX 2048
 #define SIGMA_ERROR 2e-10
@@ -139,7 +140,8 @@ static struct psi_node psi_at(const struct slope_pieces *pieces, double w)
     return (struct psi_node){y, -derivative / psi * b / (w * w) - 1 / w};
 }
 
-/* v to infinity: P = D(pi/2)/r^4 there, D(pi/2) = exp(log_q(1)) b^4, hence psi = D(pi/2) pi/(4 v). */
+/* v to infinity: P = D(pi/2)/r^4 there, D(pi/2) = exp(log_q(1)) b^4, hence psi = D(pi/2) pi/(4 v).
+ */
 static double psi_limit(const struct slope_pieces *pieces)
 {
     const double *c = pieces->log_q.c + 4 * (pieces->log_q.cells - 1);
@@ -154,7 +156,8 @@ static void psi_between(const struct slope_pieces *pieces, size_t cells, struct 
         node[i] = psi_at(pieces, (2 * (double)i + 1) / (2 * (double)cells));
 }
 
-/* middle: log_psi halfway through the first cell, in place of the slope at w = 0, which is unknown. */
+/* middle: log_psi halfway through the first cell, in place of the slope at w = 0, which is unknown.
+ */
 static void tabulate_psi(const struct psi_node *node, size_t cells, double middle, double *c)
 {
     double h = 1 / (double)cells;
@@ -185,7 +188,8 @@ static void measure_psi(facet_slope_table *table, const struct psi_node *between
     }
 }
 
-/* Doubles the cells until sigma is right to SIGMA_ERROR.  node and between hold PSI_CELLS_MAX + 1. */
+/* Doubles the cells until sigma is right to SIGMA_ERROR.  node and between hold PSI_CELLS_MAX + 1.
+ */
 static void tabulate_sigma(facet_slope_table *table, const struct slope_pieces *pieces, double *c,
                            struct psi_node *node, struct psi_node *between)
 {
@@ -225,7 +229,8 @@ static double log_d_over_q(double scale, double u)
     return 2 * log((1 - u) * (1 - u) + scale * u * (scale * u));
 }
 
-/* log_q at the nodes relative to the peak, so that no exp overflows before the table is normalised. */
+/* log_q at the nodes relative to the peak, so that no exp overflows before the table is normalised.
+ */
 static void start_nodes(double scale, const double *log_d, size_t n, double *y)
 {
     double peak = -INFINITY;
@@ -296,8 +301,10 @@ facet_status facet_slope_table_create(double scale, const double *log_d, size_t 
         status = fill(made, log_d, n, work);
     }
     free(work);
-    if (status == FACET_OK) *table = made;
-    else free(made);
+    if (status == FACET_OK)
+        *table = made;
+    else
+        free(made);
     return status;
 }
 

@@ -14,10 +14,10 @@
  */
 struct facet_slope_table {
     struct kernel_table view;
-    double sigma_error;   /* of sigma(k), relative, c >= 0 */
-    double psi_error;     /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
-    double log_q_max;     /* largest |log_q| where it matters, that is, above log(FACET_FLOOR) */
-    double log_q_slope;   /* largest |d log_q / du| there: what rounding of u costs */
+    double sigma_error;    /* of sigma(k), relative, c >= 0 */
+    double psi_error;      /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
+    double log_q_max;      /* largest |log_q| where it matters, that is, above log(FACET_FLOOR) */
+    double log_q_slope;    /* largest |d log_q / du| there: what rounding of u costs */
     double coefficients[]; /* of log_q, then of log_psi */
 };
 

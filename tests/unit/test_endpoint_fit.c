@@ -1,10 +1,10 @@
 /* POST /v1/fit through the api's door. */
-#include "api.h"
+#include "ask.h"
 #include "check.h"
 #include "facet_fit.h"
+#include "measured.h"
 #include "merl.h"
 
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,26 +18,28 @@ static bool is_cancelled(void *user)
     return *(int *)user != 0;
 }
 
-static struct api_response post(const char *path, const char *query, const char *type, const void *body,
-                                size_t size, int *cancel)
+static struct answer post(const char *path, const char *query, const char *type, const void *body,
+                          size_t size, int *cancel)
 {
-    struct api_request request = {.method = "POST", .path = path, .query = query, .content_type = type,
-                                  .body = body, .body_size = size,
-                                  .cancelled = cancel ? is_cancelled : NULL, .user = cancel};
-    struct api_response response;
-    CHECK(api_open());
-    api_handle(&request, &response);
-    return response;
+    return ask_with((struct api_request){.method = "POST",
+                                         .path = path,
+                                         .query = query,
+                                         .content_type = type,
+                                         .body = body,
+                                         .body_size = size,
+                                         .cancelled = cancel ? is_cancelled : NULL,
+                                         .user = cancel});
 }
 
-/* The answer, which must have this status. */
-static json_t *answer_of(struct api_response response, int status)
+/* What was answered, which must have this status; to be decref'd. */
+static json_t *answer_of(struct answer answer, int status)
 {
-    CHECK_INT(response.status, status);
-    json_t *json = response.body ? json_loadb(response.body, response.body_size, 0, NULL) : NULL;
-    if (!json) check_fail(__FILE__, __LINE__, "the answer is not JSON");
-    if (response.status != status && response.body) printf("  %.300s\n", (char *)response.body);
-    api_response_clear(&response);
+    CHECK_INT(answer.response.status, status);
+    if (!answer.json) check_fail(__FILE__, __LINE__, "the answer is not JSON");
+    if (answer.response.status != status)
+        printf("  %.300s\n", answer.response.body ? (char *)answer.response.body : "");
+    json_t *json = json_incref(answer.json);
+    answer_clear(&answer);
     return json;
 }
 
@@ -92,9 +94,13 @@ static void error_pairs(json_t *wi, json_t *wo, size_t skip)
     for (int a = 0; a < 45; a++) {
         for (int b = 0; b < 40; b++) {
             for (int c = 0; c < 12; c++) {
-                double th = PI / 2 * pow((a + .5) / 45, 2), td = PI / 2 * (b + .5) / 40, pd = PI * (c + .5) / 12;
-                double d[3] = {sin(td) * cos(pd), sin(td) * sin(pd), cos(td)}, h[3] = {sin(th), 0, cos(th)};
-                double i[3] = {cos(th) * d[0] + sin(th) * d[2], d[1], -sin(th) * d[0] + cos(th) * d[2]}, o[3];
+                double th = PI / 2 * pow((a + .5) / 45, 2), td = PI / 2 * (b + .5) / 40,
+                       pd = PI * (c + .5) / 12;
+                double d[3] = {sin(td) * cos(pd), sin(td) * sin(pd), cos(td)},
+                       h[3] = {sin(th), 0, cos(th)};
+                double i[3] = {cos(th) * d[0] + sin(th) * d[2], d[1],
+                               -sin(th) * d[0] + cos(th) * d[2]},
+                       o[3];
                 for (int m = 0; m < 3; m++) o[m] = 2 * d[2] * h[m] - i[m];
                 if (i[2] < 1e-3 || o[2] < 1e-3 || at++ % skip) continue;
                 append(wi, i);
@@ -107,7 +113,8 @@ static void error_pairs(json_t *wi, json_t *wo, size_t skip)
 TEST(source_comes_back)
 {
     static const char *const bodies[] = {
-        "{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.95,0.64,0.54]}}}}",
+        "{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.95,0.64,0."
+        "54]}}}}",
         "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":0.15},\"model\":\"beckmann\"}",
     };
     for (int k = 0; k < 2; k++) {
@@ -131,7 +138,9 @@ TEST(beckmann_tabulated_at_resolution_90)
     for (int k = 0; k < 4; k++) {
         char body[200];
         snprintf(body, sizeof body,
-                 "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":%g},\"model\":\"tabulated\",\"resolution\":90}", alphas[k]);
+                 "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":%g},\"model\":\"tabulated\","
+                 "\"resolution\":90}",
+                 alphas[k]);
         json_t *fit = fit_json(body, 200), *material = json_object_get(fit, "material");
         json_t *slopes = json_object_get(material, "slopes"), *o = json_array();
         CHECK_INT(json_array_size(json_object_get(slopes, "log_D")), 91);
@@ -158,8 +167,8 @@ TEST(beckmann_tabulated_at_resolution_90)
 /* rms_log of the answer's material, evaluated again by /v1/eval. */
 TEST(stated_error_is_the_error)
 {
-    static const char source_text[] =
-        "{\"ndf\":\"ggx\",\"alpha\":0.4,\"fresnel\":{\"conductor\":{\"metal\":\"Au\"}},\"masking\":\"vgroove\"}";
+    static const char source_text[] = "{\"ndf\":\"ggx\",\"alpha\":0.4,\"fresnel\":{\"conductor\":{"
+                                      "\"metal\":\"Au\"}},\"masking\":\"vgroove\"}";
     static const char *const models[] = {"ggx", "tabulated"};
     for (int k = 0; k < 2; k++) {
         char body[400];
@@ -168,7 +177,8 @@ TEST(stated_error_is_the_error)
         error_pairs(wi, wo, 1);
         CHECK_INT(json_array_size(wi), json_integer_value(json_object_get(fit, "pairs")));
         json_t *source = json_loads(source_text, 0, NULL);
-        json_t *f = evaluate(source, wi, wo), *g = evaluate(json_object_get(fit, "material"), wi, wo);
+        json_t *f = evaluate(source, wi, wo),
+               *g = evaluate(json_object_get(fit, "material"), wi, wo);
         double sum = 0;
         for (size_t i = 0; i < json_array_size(wi); i++) {
             for (size_t c = 0; c < 3; c++) {
@@ -177,7 +187,8 @@ TEST(stated_error_is_the_error)
                 sum += x * x;
             }
         }
-        CHECK_REL(sqrt(sum / (3. * (double)json_array_size(wi))), number_at(fit, "error", "rms_log"), 1e-6, 0);
+        CHECK_REL(sqrt(sum / (3. * (double)json_array_size(wi))),
+                  number_at(fit, "error", "rms_log"), 1e-6, 0);
         check_note("rms_log", number_at(fit, "error", "rms_log"));
         json_decref(f);
         json_decref(g);
@@ -195,7 +206,9 @@ TEST(auto_takes_the_smallest_that_meets_the_tolerance)
     for (int k = 0; k < 3; k++) {
         char body[300];
         snprintf(body, sizeof body,
-                 "{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.4,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},\"tolerance\":%s}", tolerances[k]);
+                 "{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.4,\"fresnel\":{\"dielectric\":{\"eta\":"
+                 "1.5}}},\"tolerance\":%s}",
+                 tolerances[k]);
         json_t *fit = fit_json(body, 200), *chosen = json_object_get(fit, "chosen"), *candidate;
         const char *model = json_string_value(json_object_get(chosen, "model"));
         const char *fresnel = json_string_value(json_object_get(chosen, "fresnel"));
@@ -204,10 +217,12 @@ TEST(auto_takes_the_smallest_that_meets_the_tolerance)
         size_t index, found = 0;
         CHECK(meets == (rms <= tolerance));
         CHECK(meets == (k < 2));
-        CHECK(strstr(json_string_value(json_object_get(chosen, "why")), meets ? "smallest" : "no candidate") != NULL);
+        CHECK(strstr(json_string_value(json_object_get(chosen, "why")),
+                     meets ? "smallest" : "no candidate") != NULL);
         json_array_foreach(json_object_get(fit, "candidates"), index, candidate)
         {
-            double size = number_at(candidate, "bytes", NULL), error = number_at(candidate, "error", "rms_log");
+            double size = number_at(candidate, "bytes", NULL),
+                   error = number_at(candidate, "error", "rms_log");
             bool same = !strcmp(text_at(candidate, "model", NULL), model) &&
                         !strcmp(text_at(candidate, "fresnel", NULL), fresnel);
             CHECK(number_at(candidate, "ns_per_eval", NULL) > 0);
@@ -219,7 +234,8 @@ TEST(auto_takes_the_smallest_that_meets_the_tolerance)
         }
         json_array_foreach(json_object_get(fit, "candidates"), index, candidate)
         {
-            double size = number_at(candidate, "bytes", NULL), error = number_at(candidate, "error", "rms_log");
+            double size = number_at(candidate, "bytes", NULL),
+                   error = number_at(candidate, "error", "rms_log");
             if (meets && error <= tolerance) CHECK(size >= bytes[k]);
             if (!meets) CHECK(error >= rms);
         }
@@ -244,8 +260,10 @@ TEST(refusals_name_the_member)
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"mean_slope\":[0.1,0]}}", "/source");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":-1}}", "/source/alpha");
     check_refused("{\"samples\":{\"wi\":[],\"wo\":[],\"fr\":[]}}", "/samples");
-    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"anisotropic\":true}", "/anisotropic");
-    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"masking\":\"vgroove\"}", "/masking");
+    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"anisotropic\":true}",
+                  "/anisotropic");
+    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"masking\":\"vgroove\"}",
+                  "/masking");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"model\":\"phong\"}", "/model");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"resolution\":2}", "/resolution");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"tolerance\":0}", "/tolerance");
@@ -256,10 +274,12 @@ TEST(cancelled)
 {
     static const char body[] = "{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3}}";
     int cancel = 1;
-    json_decref(answer_of(post("/v1/fit", NULL, "application/json", body, strlen(body), &cancel), 503));
+    json_decref(
+        answer_of(post("/v1/fit", NULL, "application/json", body, strlen(body), &cancel), 503));
 }
 
-/* ---- Measurements ------------------------------------------------------------------------------ */
+/* ---- Measurements ------------------------------------------------------------------------------
+ */
 
 static double seconds(void)
 {
@@ -279,7 +299,8 @@ TEST(damaged_measurements)
     bytes[0] = 1;
     problem = answer_of(post("/v1/fit", NULL, NULL, bytes, sizeof bytes, NULL), 415);
     json_decref(problem);
-    problem = answer_of(post("/v1/fit", "alpha=1", "application/x-merl-brdf", bytes, sizeof bytes, NULL), 422);
+    problem = answer_of(
+        post("/v1/fit", "alpha=1", "application/x-merl-brdf", bytes, sizeof bytes, NULL), 422);
     CHECK(strstr(text_at(problem, "detail", NULL), "alpha") != NULL);
     json_decref(problem);
     unsigned char *full = calloc(1, MERL_SIZE); /* right size, no dimensions */
@@ -293,29 +314,17 @@ TEST(damaged_measurements)
     free(full);
 }
 
-/* shared/tools/make_merl.c, compiled; false: not there. */
-static bool make_tool(const char *folder)
+/* False: not to be had. */
+static bool fit_measured(const char *name)
 {
-    char command[300];
-    FILE *tool = fopen("../shared/tools/make_merl.c", "r");
-    if (!tool) return false;
-    fclose(tool);
-    snprintf(command, sizeof command, "cc -O2 -o %s/make ../shared/tools/make_merl.c -lm", folder);
-    return !system(command);
-}
-
-static void fit_measured(const char *folder, const char *csv, const char *name)
-{
-    char command[5000], path[200];
-    snprintf(path, sizeof path, "%s/m.binary", folder);
-    snprintf(command, sizeof command, "%s/make '%s' %s %s", folder, csv, name, path);
     size_t size = 0;
-    unsigned char *bytes = system(command) ? NULL : check_read_file(path, &size);
+    unsigned char *bytes = measured_merl(name, &size);
+    if (!bytes) return false;
     CHECK_INT(size, MERL_SIZE);
-    if (!bytes) return;
     double start = seconds();
     json_t *fit = answer_of(post("/v1/fit", "model=auto&tolerance=0.05",
-                                 "application/x-www-form-urlencoded", bytes, size, NULL), 200);
+                                 "application/x-www-form-urlencoded", bytes, size, NULL),
+                            200);
     check_note(name, seconds() - start);
     json_t *wi = json_array(), *wo = json_array();
     error_pairs(wi, wo, 1);
@@ -349,21 +358,16 @@ static void fit_measured(const char *folder, const char *csv, const char *name)
     json_decref(wo);
     json_decref(fit);
     free(bytes);
+    return true;
 }
 
 TEST(measured_materials)
 {
-    static const char *const names[] = {"gold-metallic-paint", "pink-felt", "chrome-steel", "nickel"};
-    char folder[] = "/tmp/fitXXXXXX", csv[4096], command[64];
-    const char *path = check_data("brdf/nbrdf/merl_nbrdf.csv");
-    if (!path || !mkdtemp(folder)) {
-        check_skip("no shared data");
+    static const char *const names[] = {"gold-metallic-paint", "pink-felt", "chrome-steel",
+                                        "nickel"};
+    for (int i = 0; i < 4; i++) {
+        if (fit_measured(names[i])) continue;
+        check_skip("no shared data, no ../shared/tools/make_merl.c, or no cc");
         return;
     }
-    snprintf(csv, sizeof csv, "%s", path);
-    if (!make_tool(folder)) check_skip("no ../shared/tools/make_merl.c, or no cc");
-    else
-        for (int i = 0; i < 4; i++) fit_measured(folder, csv, names[i]);
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    CHECK_INT(system(command), 0);
 }

@@ -108,7 +108,8 @@ TEST(alpha_comes_back_from_the_slope_distribution)
             struct fit_density density;
             double median;
             CHECK_INT(facet_fit_median_slope(&source, &median), FACET_OK);
-            CHECK_INT(facet_fit_density_create(&source, convention, 1.5 * median, 90, &density), FACET_OK);
+            CHECK_INT(facet_fit_density_create(&source, convention, 1.5 * median, 90, &density),
+                      FACET_OK);
             double alpha = facet_fit_alpha(&density, (facet_ndf)ndf);
             CHECK_REL(alpha, closed.alpha, 1e-6, 0);
             check_note("alpha", fabs(alpha / closed.alpha - 1));
@@ -119,7 +120,8 @@ TEST(alpha_comes_back_from_the_slope_distribution)
 
 /* ---- Whole fits ---------------------------------------------------------------------------- */
 
-static double evaluate_one(const facet_material *material, const double i[3], const double o[3], int channel)
+static double evaluate_one(const facet_material *material, const double i[3], const double o[3],
+                           int channel)
 {
     facet_brdf *brdf;
     facet_outputs outputs = {0};
@@ -144,7 +146,8 @@ TEST(beckmann_backscatter_at_resolution_90)
         CHECK_INT(fit.table_nodes, 91);
         const facet_fit_candidate *tabulated = &fit.candidate[FACET_FIT_CANDIDATES - 1];
         CHECK_INT(tabulated->material.ndf, FACET_TABULATED);
-        double worst = 0, peak = closed_fr(&closed, (double[3]){0, 0, 1}, (double[3]){0, 0, 1}, .64);
+        double worst = 0,
+               peak = closed_fr(&closed, (double[3]){0, 0, 1}, (double[3]){0, 0, 1}, .64);
         for (int i = 0; i < 90 * 7; i++) { /* every seventh is a node */
             double u = i / (90 * 7.), r = fit.table_scale * u / (1 - u), z = 1 / sqrt(1 + r * r);
             double o[3] = {r * z, 0, z}, exact = closed_fr(&closed, o, o, .64);
@@ -173,12 +176,13 @@ TEST(the_right_model_is_exact)
         CHECK_INT(right->material.ndf, ndf);
         CHECK_INT(right->bytes, 4 * sizeof(double));
         CHECK_REL(right->material.roughness.alpha_x, closed.alpha, 1e-6, 0);
-        for (int c = 0; c < 3; c++)
-            CHECK_REL(right->material.fresnel.f0[c], closed.f0[c], 1e-5, 0);
+        for (int c = 0; c < 3; c++) CHECK_REL(right->material.fresnel.f0[c], closed.f0[c], 1e-5, 0);
         CHECK(right->error.rms_log < 1e-5);
         CHECK(wrong->error.rms_log > .1);
-        CHECK(fit.candidate[4].error.rms_log < 5e-4); /* Fresnel linear between nodes 1 degree apart */
-        CHECK(right->bytes < fit.candidate[2].bytes && fit.candidate[3].bytes < fit.candidate[4].bytes);
+        CHECK(fit.candidate[4].error.rms_log <
+              5e-4); /* Fresnel linear between nodes 1 degree apart */
+        CHECK(right->bytes < fit.candidate[2].bytes &&
+              fit.candidate[3].bytes < fit.candidate[4].bytes);
         check_note("rms right", right->error.rms_log);
         check_note("rms tabulated", fit.candidate[4].error.rms_log);
         facet_fit_clear(&fit);
@@ -189,7 +193,8 @@ TEST(hot_spot_is_recognised)
 {
     static const double alphas[] = {.3, .6, 1};
     for (size_t k = 0; k < 6; k++) {
-        struct closed closed = {k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, true};
+        struct closed closed = {
+            k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, true};
         facet_fit_source source = source_of(&closed);
         facet_fit fit;
         CHECK_INT(facet_fit_isotropic(&source, FACET_SMITH, 90, NULL, &fit), FACET_OK);
@@ -215,7 +220,8 @@ TEST(stated_error_is_the_error)
         for (int a = 0; a < 45; a++) {
             for (int b = 0; b < 40; b++) {
                 for (int c = 0; c < 12; c++) {
-                    double th = PI / 2 * pow((a + .5) / 45, 2), td = PI / 2 * (b + .5) / 40, pd = PI * (c + .5) / 12;
+                    double th = PI / 2 * pow((a + .5) / 45, 2), td = PI / 2 * (b + .5) / 40,
+                           pd = PI * (c + .5) / 12;
                     double d[3] = {sin(td) * cos(pd), sin(td) * sin(pd), cos(td)};
                     double h[3] = {sin(th), 0, cos(th)}, i[3], o[3];
                     i[0] = cos(th) * d[0] + sin(th) * d[2];
@@ -239,7 +245,8 @@ TEST(stated_error_is_the_error)
     facet_fit_clear(&fit);
 }
 
-/* ---- Refusals --------------------------------------------------------------------------------- */
+/* ---- Refusals ---------------------------------------------------------------------------------
+ */
 
 static facet_status evaluate_useless(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                                      double *const fr[3], bool *valid)
@@ -275,8 +282,10 @@ TEST(arguments_and_cancellation)
     struct closed closed = {FACET_GGX, .3, {1, 1, 1}, false};
     facet_fit_source source = source_of(&closed);
     facet_fit fit;
-    CHECK_INT(facet_fit_isotropic(&source, FACET_SMITH, FACET_FIT_RESOLUTION_MIN - 1, NULL, &fit), FACET_BAD_SIZE);
-    CHECK_INT(facet_fit_isotropic(&source, FACET_SMITH, FACET_FIT_RESOLUTION_MAX + 1, NULL, &fit), FACET_BAD_SIZE);
+    CHECK_INT(facet_fit_isotropic(&source, FACET_SMITH, FACET_FIT_RESOLUTION_MIN - 1, NULL, &fit),
+              FACET_BAD_SIZE);
+    CHECK_INT(facet_fit_isotropic(&source, FACET_SMITH, FACET_FIT_RESOLUTION_MAX + 1, NULL, &fit),
+              FACET_BAD_SIZE);
     CHECK_INT(facet_fit_isotropic(&source, FACET_VGROOVE, 90, NULL, &fit), FACET_UNSUPPORTED);
     for (int asks = 0; asks < 12; asks += 3) {
         int left = asks;

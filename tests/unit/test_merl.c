@@ -1,5 +1,6 @@
 /* The MERL reader: layout, units, interpolation, holes; damaged files; a real slice. */
 #include "check.h"
+#include "measured.h"
 #include "merl.h"
 
 #include <math.h>
@@ -40,7 +41,8 @@ static void directions(double th, double td, double pd, double phi_h, double wi[
     for (int k = 0; k < 3; k++) wo[k] = 2 * cos(td) * h[k] - wi[k];
 }
 
-static bool look_up(const struct merl *merl, double th, double td, double pd, double phi_h, double rgb[3])
+static bool look_up(const struct merl *merl, double th, double td, double pd, double phi_h,
+                    double rgb[3])
 {
     double wi[3], wo[3];
     bool valid;
@@ -71,7 +73,8 @@ TEST(layout_and_units)
     CHECK_REL(rgb[1], 1.15, 1e-12, 0);
     CHECK_REL(rgb[2], 1.66, 1e-12, 0);
     put(bytes, 1, 30, 20, 45, 4500);
-    for (int turn = 0; turn < 5; turn++) { /* isotropic: phi_h does not matter; phi_d mod pi: reciprocity */
+    for (int turn = 0; turn < 5;
+         turn++) { /* isotropic: phi_h does not matter; phi_d mod pi: reciprocity */
         double phi_h = turn * 1.3;
         CHECK(look_up(&merl, half_angle(30), PI / 2 * 20 / 90, PI * 45 / 180, phi_h, rgb));
         CHECK_REL(rgb[1], 3 * 1.15, 1e-9, 0);
@@ -87,7 +90,7 @@ TEST(layout_and_units)
     put(bytes, 0, 30, 20, 0, 3000); /* phi_d is periodic: half way from 179 to 180 = 0 */
     CHECK(look_up(&merl, half_angle(30), PI / 2 * 20 / 90, PI * 179.5 / 180, 0, rgb));
     CHECK_REL(rgb[0], 1.5, 1e-9, 0);
-    CHECK(look_up(&merl, 0, 0, 0, 0, rgb)); /* straight down */
+    CHECK(look_up(&merl, 0, 0, 0, 0, rgb));                /* straight down */
     CHECK(look_up(&merl, half_angle(89.7), 0, 0, 0, rgb)); /* past the last row */
     CHECK_REL(rgb[0], 1, 1e-12, 0);
     CHECK_REL(api_merl_slope_max(), tan(half_angle(89)), 1e-12, 0);
@@ -117,7 +120,8 @@ static void check_refused(const unsigned char *bytes, size_t size, const char *w
     struct problem problem = {0};
     CHECK(!api_merl_open(bytes, size, &merl, &problem));
     CHECK_INT(problem.status, 422);
-    if (!strstr(problem.detail, word)) check_fail(__FILE__, __LINE__, "no \"%s\" in: %s", word, problem.detail);
+    if (!strstr(problem.detail, word))
+        check_fail(__FILE__, __LINE__, "no \"%s\" in: %s", word, problem.detail);
 }
 
 TEST(damaged_files)
@@ -126,7 +130,8 @@ TEST(damaged_files)
     if (!bytes) return;
     static const size_t sizes[] = {0, 1, 11, 12, 13, MERL_SIZE - 1};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        unsigned char *cut = malloc(sizes[i] ? sizes[i] : 1); /* an overrun is seen by the sanitizer */
+        unsigned char *cut =
+            malloc(sizes[i] ? sizes[i] : 1); /* an overrun is seen by the sanitizer */
         if (!cut) return;
         memcpy(cut, bytes, sizes[i]);
         CHECK(api_merl_matches(cut, sizes[i]) == (sizes[i] >= 12));
@@ -150,40 +155,23 @@ TEST(damaged_files)
     free(bytes);
 }
 
-/* shared/tools/make_merl.c, compiled; the file it writes for a material, to be freed. */
-static unsigned char *real_file(const char *material)
-{
-    char command[900], folder[] = "/tmp/merlXXXXXX", path[64];
-    const char *csv = check_data("brdf/nbrdf/merl_nbrdf.csv");
-    FILE *tool = fopen("../shared/tools/make_merl.c", "r");
-    if (tool) fclose(tool);
-    if (!csv || !tool || !mkdtemp(folder)) return NULL;
-    snprintf(path, sizeof path, "%s/m.binary", folder);
-    snprintf(command, sizeof command,
-             "cc -O2 -o %s/make ../shared/tools/make_merl.c -lm && %s/make '%s' %s %s", folder, folder,
-             csv, material, path);
-    size_t size = 0;
-    unsigned char *bytes = system(command) ? NULL : check_read_file(path, &size);
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    if (system(command)) bytes = NULL;
-    CHECK_INT(size, MERL_SIZE);
-    return bytes;
-}
-
 /*
  * A slice of the original pink-felt (theta_d 20 degrees, phi_d 90 degrees) against the network
- * trained on it: within rms 0.0023.  A wrong scale factor or a linear theta_h is off by ten times that.
+ * trained on it: within rms 0.0023.  A wrong scale factor or a linear theta_h is off by ten times
+ * that.
  */
 TEST(real_slice_fixes_the_scale_factors)
 {
     const char *path = check_data("brdf/alta/pink-felt-1d.alta");
     FILE *slice = path ? fopen(path, "r") : NULL;
-    unsigned char *bytes = slice ? real_file("pink-felt") : NULL;
+    size_t size = 0;
+    unsigned char *bytes = slice ? measured_merl("pink-felt", &size) : NULL;
     if (!bytes) {
         if (slice) fclose(slice);
         check_skip("no shared data or tools, or no cc");
         return;
     }
+    CHECK_INT(size, MERL_SIZE);
     struct merl merl = {bytes};
     double cos_theta_h, rgb[3], at[3], sum[3] = {0, 0, 0};
     char line[256];

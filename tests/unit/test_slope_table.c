@@ -28,7 +28,8 @@ static facet_slope_table *tabulate(int ndf, double alpha, double scale, size_t n
     double *log_d = malloc(n * sizeof *log_d);
     facet_slope_table *table = NULL;
     for (size_t i = 0; i < n; i++) {
-        double u = (double)i / (double)(n - 1), r = scale * u / (1 - u), x = r / alpha, s = 1 + r * r;
+        double u = (double)i / (double)(n - 1), r = scale * u / (1 - u), x = r / alpha,
+               s = 1 + r * r;
         log_d[i] = 2 * log(s) - (ndf == GGX ? 2 * log(1 + x * x) : x * x) + 3;
         if (i == n - 1) log_d[i] = ndf == GGX ? 4 * log(alpha) + 3 : -INFINITY;
     }
@@ -99,7 +100,8 @@ TEST(closed_forms)
     }
 }
 
-/* sigma of the table against the integral of the table's own D, over azimuth and radius by brute force. */
+/* sigma of the table against the integral of the table's own D, over azimuth and radius by brute
+ * force. */
 static double sigma_brute(const facet_slope_table *table, double v)
 {
     enum { RADII = 400000 };
@@ -137,7 +139,8 @@ TEST(sigma_is_the_integral_of_the_tabulated_d)
 TEST(zeros_do_not_ring)
 {
     double log_d[64];
-    for (size_t i = 0; i < 64; i++) log_d[i] = i < 20 ? -.02 * (double)i : i < 40 ? -INFINITY : -1e5;
+    for (size_t i = 0; i < 64; i++)
+        log_d[i] = i < 20 ? -.02 * (double)i : i < 40 ? -INFINITY : -1e5;
     facet_slope_table *table = NULL;
     CHECK_INT(facet_slope_table_create(1, log_d, 64, &table), FACET_OK);
     if (!table) return;
@@ -146,18 +149,21 @@ TEST(zeros_do_not_ring)
         CHECK(y >= KERNEL_LOG_ZERO - 1e-9);
         if (u > 20 / 63.) CHECK_REL(y, KERNEL_LOG_ZERO, 1e-15, 0);
         if (u < 19 / 63.) {
-            double r = u / (1 - u), d = facet_slope_table_log_d(table, r), d0 = facet_slope_table_log_d(table, 0);
+            double r = u / (1 - u), d = facet_slope_table_log_d(table, r),
+                   d0 = facet_slope_table_log_d(table, 0);
             CHECK(fabs(d - d0 + .02 * 63 * u) < .01);
         }
     }
     CHECK(fabs(norm(table) - 1) < 1e-4); /* the midpoint rule sees a step */
     facet_slope_table_destroy(table);
-    for (size_t i = 0; i < 64; i++) log_d[i] = i < 20 ? -.02 * (double)i : -690; /* a cliff, but not 0 */
+    for (size_t i = 0; i < 64; i++)
+        log_d[i] = i < 20 ? -.02 * (double)i : -690; /* a cliff, but not 0 */
     CHECK_INT(facet_slope_table_create(1, log_d, 64, &table), FACET_OK);
     if (!table) return;
     for (int i = 0; i <= 6300; i++) {
         double u = i / 6300.;
-        double r = u / (1 - u), d = facet_slope_table_log_d(table, r), d0 = facet_slope_table_log_d(table, 0);
+        double r = u / (1 - u), d = facet_slope_table_log_d(table, r),
+               d0 = facet_slope_table_log_d(table, 0);
         if (u < 19 / 63.) CHECK(fabs(d - d0 + .02 * 63 * u) < .01);
         CHECK(evaluate(table->view.log_q, u) >= KERNEL_LOG_ZERO);
     }
@@ -168,8 +174,9 @@ TEST(extremes_stay_finite)
 {
     static const double scales[] = {1e-8, 1, 1e4};
     static const double shapes[][4] = {
-        {0, 0, 0, 0}, {0, -699, 0, -699}, {600, -900, -900, -900}, {-900, -900, -900, 0},
-        {-699, -699, -699, -699}, {1e6, -1e6, 1e6, -1e6}, {-900, 2, -900, -900}, {1e300, 0, 0, 0},
+        {0, 0, 0, 0},          {0, -699, 0, -699},       {600, -900, -900, -900},
+        {-900, -900, -900, 0}, {-699, -699, -699, -699}, {1e6, -1e6, 1e6, -1e6},
+        {-900, 2, -900, -900}, {1e300, 0, 0, 0},
     };
     for (size_t k = 0; k < 3; k++) {
         for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
@@ -193,7 +200,8 @@ TEST(bad_tables)
     facet_slope_table *table = (facet_slope_table *)&log_d;
     CHECK_INT(facet_slope_table_create(1, log_d, 3, &table), FACET_BAD_SIZE);
     CHECK(table == NULL);
-    CHECK_INT(facet_slope_table_create(1, log_d, FACET_TABLE_NODES_MAX + 1, &table), FACET_BAD_SIZE);
+    CHECK_INT(facet_slope_table_create(1, log_d, FACET_TABLE_NODES_MAX + 1, &table),
+              FACET_BAD_SIZE);
     CHECK_INT(facet_slope_table_create(9e-9, log_d, 5, &table), FACET_BAD_TABLE);
     CHECK_INT(facet_slope_table_create(1.1e4, log_d, 5, &table), FACET_BAD_TABLE);
     CHECK_INT(facet_slope_table_create(NAN, log_d, 5, &table), FACET_BAD_TABLE);
