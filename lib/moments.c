@@ -34,7 +34,8 @@ static struct shape shape_of(const facet_moments *m)
     return s;
 }
 
-/* Raise the eigenvalues to at least floor and to THIN^2 of the larger one; true if that changed any. */
+/* Raise the eigenvalues to at least floor and to THIN^2 of the larger one; true if that changed
+ * any. */
 static bool shape_raise(struct shape *s, double floor)
 {
     const double half = (s->xx - s->yy) / 2, root = hypot(half, s->xy);
