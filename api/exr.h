@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 /* True if the bytes start like an OpenEXR file. */
-bool api_exr_is(const void *bytes, size_t size);
+bool api_exr_is(const unsigned char *bytes, size_t size);
 
 /*
  * Read one channel of the first part that is not deep and holds it: scanlines or

@@ -412,7 +412,7 @@ static enum image_status read_chunks(struct reader *r, struct image *image)
 
 /* ---- The door ---------------------------------------------------------------------------- */
 
-bool api_exr_is(const void *bytes, size_t size)
+bool api_exr_is(const unsigned char *bytes, size_t size)
 {
     return size >= 4 && !memcmp(bytes, "\x76\x2f\x31\x01", 4);
 }

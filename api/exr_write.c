@@ -5,7 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TILE = 64, ZIP_LEVEL = 4 };
+enum {
+    TILE = 64,
+    ZIP_LEVEL = 4,
+    CHUNK_HEAD = 28, /* five numbers before a tile, its place in the table of chunks */
+    HEADER = 4096,
+};
 
 /* The file, growing in memory. */
 struct output {
@@ -23,7 +28,7 @@ static int64_t output_write(exr_const_context_t context, void *user, const void 
     if (offset > SIZE_MAX / 4 || size > SIZE_MAX / 4) return -1;
     const size_t end = (size_t)(offset + size);
     if (end > out->room) {
-        const size_t room = end + end / 2 + 4096;
+        const size_t room = end + end / 2;
         unsigned char *grown = realloc(out->bytes, room);
         if (!grown) {
             out->no_memory = true;
@@ -44,6 +49,23 @@ static void silent(exr_const_context_t context, exr_result_t code, const char *m
     (void)context;
     (void)code;
     (void)message;
+}
+
+/*
+ * An upper bound of the file (a tile that does not shrink is stored as it is), so
+ * that it is allocated once; what is not written to costs no memory.
+ */
+static size_t size_bound(const struct exr_pyramid *p)
+{
+    size_t bound = HEADER;
+    for (size_t i = 0; i < p->attribute_count; i++)
+        bound += 64 + (p->attributes[i].text ? strlen(p->attributes[i].text) : 0);
+    for (size_t i = 0; i < p->level_count; i++) {
+        const size_t w = p->levels[i].width, h = p->levels[i].height;
+        bound += ((w + TILE - 1) / TILE) * ((h + TILE - 1) / TILE) * CHUNK_HEAD;
+        bound += w * h * p->plane_count * (p->half ? 2 : 4);
+    }
+    return bound;
 }
 
 struct writer {
@@ -166,12 +188,14 @@ static exr_result_t write_all(struct writer *w)
 enum image_status api_exr_write(const struct exr_pyramid *pyramid, const facet_watch *watch,
                                 void **bytes, size_t *size, struct image_problem *problem)
 {
-    struct output out = {NULL, 0, 0, false};
+    struct output out = {.room = size_bound(pyramid)};
     struct writer w = {.pyramid = pyramid, .watch = watch};
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     init.error_handler_fn = silent;
     init.user_data = &out;
     init.write_fn = output_write;
+    out.bytes = malloc(out.room);
+    if (!out.bytes) return api_image_problem(problem, IMAGE_NO_MEMORY, "out of memory");
     exr_result_t result = exr_start_write(&w.context, "body", EXR_WRITE_FILE_DIRECTLY, &init);
     if (result == EXR_ERR_SUCCESS) result = write_all(&w);
     /* Finishing writes the table of chunks. */

@@ -167,7 +167,7 @@ static void read_rows(struct reader *r)
 
 /* ---- The door ---------------------------------------------------------------------------- */
 
-bool api_png_is(const void *bytes, size_t size)
+bool api_png_is(const unsigned char *bytes, size_t size)
 {
     return size >= 8 && !memcmp(bytes, "\x89PNG\r\n\x1a\n", 8);
 }

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 
 /* True if the bytes start like a PNG file. */
-bool api_png_is(const void *bytes, size_t size);
+bool api_png_is(const unsigned char *bytes, size_t size);
 
 /*
  * Read one plane: the stored value over the largest its bit depth holds.  No gamma,
