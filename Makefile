@@ -44,10 +44,11 @@ LIB_O    := $(call obj,lib) $(KERNELS)
 API_O    := $(call obj,api)
 SERVER_O := $(call obj,server)
 SUPPORT_O := $(call obj,tests/support)
-INC_lib    := -Ilib -ffp-contract=off
-INC_api    := -Ilib -Iapi $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
-INC_server := -Iapi $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
-INC_tests  := -Ilib -Iapi -Itests/support $(INC_api) -ffp-contract=off
+# -iquote: a header of ours never stands in for a system's (api/limits.h for <limits.h>).
+INC_lib    := -iquote lib -ffp-contract=off
+INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
+INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
+INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
 LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc

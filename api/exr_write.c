@@ -138,11 +138,28 @@ static void aim(struct writer *w, const struct exr_level *level, size_t x, size_
     c->user_line_stride = (int32_t)(line * element);
 }
 
+/*
+ * The library (3.1.5) takes the tiles at the right and lower edge of every level
+ * but the first for whole ones, so it is told their size.
+ */
+static exr_result_t tile_info(struct writer *w, int level, int x, int y, exr_chunk_info_t *info)
+{
+    const struct exr_level *l = &w->pyramid->levels[level];
+    const size_t right = l->width - (size_t)x * TILE, lower = l->height - (size_t)y * TILE;
+    const exr_result_t result =
+        exr_write_tile_chunk_info(w->context, w->part, x, y, level, level, info);
+    info->width = (int32_t)(right < TILE ? right : TILE);
+    info->height = (int32_t)(lower < TILE ? lower : TILE);
+    info->unpacked_size = (uint64_t)info->width * (uint64_t)info->height *
+                          w->pyramid->plane_count * (w->pyramid->half ? 2 : 4);
+    return result;
+}
+
 static exr_result_t write_tile(struct writer *w, int level, int x, int y)
 {
     exr_chunk_info_t info;
     exr_encode_pipeline_t pipe = EXR_ENCODE_PIPELINE_INITIALIZER;
-    exr_result_t result = exr_write_tile_chunk_info(w->context, w->part, x, y, level, level, &info);
+    exr_result_t result = tile_info(w, level, x, y, &info);
     if (result == EXR_ERR_SUCCESS)
         result = exr_encoding_initialize(w->context, w->part, &info, &pipe);
     if (result != EXR_ERR_SUCCESS) return result;
