@@ -74,7 +74,8 @@ struct writer {
     const struct exr_pyramid *pyramid;
     const facet_watch *watch;
     bool cancelled;
-    uint16_t *halves; /* the planes of one tile */
+    uint16_t *halves;                                      /* the planes of one tile */
+    exr_result_t (*compress)(exr_encode_pipeline_t *pipe); /* the library's */
 };
 
 static exr_result_t write_attribute(struct writer *w, const struct exr_attribute *a)
@@ -150,8 +151,22 @@ static exr_result_t tile_info(struct writer *w, int level, int x, int y, exr_chu
         exr_write_tile_chunk_info(w->context, w->part, x, y, level, level, info);
     info->width = (int32_t)(right < TILE ? right : TILE);
     info->height = (int32_t)(lower < TILE ? lower : TILE);
-    info->unpacked_size = (uint64_t)info->width * (uint64_t)info->height *
-                          w->pyramid->plane_count * (w->pyramid->half ? 2 : 4);
+    info->unpacked_size = (uint64_t)info->width * (uint64_t)info->height * w->pyramid->plane_count *
+                          (w->pyramid->half ? 2 : 4);
+    return result;
+}
+
+/*
+ * A chunk as long as its raw data is raw, says the format; the library (3.1.5)
+ * keeps a compressed one of just that length, which every reader then takes for
+ * pixels.  One tile in a hundred of noisy data.
+ */
+static exr_result_t compress_tile(exr_encode_pipeline_t *pipe)
+{
+    const struct writer *w = pipe->encoding_user_data;
+    const exr_result_t result = w->compress(pipe);
+    if (result == EXR_ERR_SUCCESS && pipe->compressed_bytes == pipe->packed_bytes)
+        memcpy(pipe->compressed_buffer, pipe->packed_buffer, pipe->packed_bytes);
     return result;
 }
 
@@ -169,6 +184,11 @@ static exr_result_t write_tile(struct writer *w, int level, int x, int y)
                 aim(w, &w->pyramid->levels[level], (size_t)x * TILE, (size_t)y * TILE, i,
                     &pipe.channels[c]);
     result = exr_encoding_choose_default_routines(w->context, w->part, &pipe);
+    if (result == EXR_ERR_SUCCESS && pipe.compress_fn) {
+        w->compress = pipe.compress_fn;
+        pipe.encoding_user_data = w;
+        pipe.compress_fn = compress_tile;
+    }
     if (result == EXR_ERR_SUCCESS) result = exr_encoding_run(w->context, w->part, &pipe);
     exr_encoding_destroy(w->context, &pipe);
     return result;

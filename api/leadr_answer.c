@@ -232,6 +232,11 @@ static bool describe_material(struct arena *arena, const struct leadr_map *map,
     return true;
 }
 
+static const char *copy(struct arena *arena, const char *text)
+{
+    return api_arena_text(arena, text, strlen(text));
+}
+
 bool api_leadr_json(struct call *call, const struct leadr_map *map)
 {
     struct leadr_out *out = call->out;
@@ -241,8 +246,9 @@ bool api_leadr_json(struct call *call, const struct leadr_map *map)
     out->width = (int64_t)map->image.width;
     out->height = (int64_t)map->image.height;
     if (*map->image.type) {
-        out->channel = map->image.channel;
-        out->sample = map->image.type;
+        /* Printed after the map is gone. */
+        out->channel = copy(call->arena, map->image.channel);
+        out->sample = copy(call->arena, map->image.type);
     }
     out->stencil = (int)o->stencil;
     out->border = (int)o->border;
@@ -256,7 +262,7 @@ bool api_leadr_json(struct call *call, const struct leadr_map *map)
               list_stencils(call->arena, map, &out->stencils) &&
               describe_material(call->arena, map, out);
     if (*warning) {
-        out->warning = api_arena_text(call->arena, warning, strlen(warning));
+        out->warning = copy(call->arena, warning);
         ok = ok && out->warning;
     }
     return ok || api_problem_memory(call->problem);
