@@ -289,7 +289,7 @@ bool api_leadr_exr(struct call *call, const struct leadr_map *map)
     snprintf(source, sizeof source, "%s %s", *map->image.type ? map->image.type : "JSON",
              map->image.channel);
     const struct exr_attribute attributes[] = {
-        {"software", "facetd", 0},
+        {"software", "facetd " FACET_VERSION, 0},
         {"comments", comments, 0},
         {"wrapmodes", wraps[o->border], 0},
         {"leadrStencil", api_stencils[o->stencil], 0},
