@@ -86,8 +86,9 @@ static bool asked(const struct job *job, int output)
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
-    return facet_sample_bound(job->surface.brdf, tier,
-                              job->wo.input_error + job->surface.input_error, bound);
+    if (!facet_sample_bound(job->surface.brdf, tier, job->wo.input_error, bound)) return false;
+    *bound += job->surface.parameter_error;
+    return true;
 }
 
 /* u as a list pairs like directions; n per wo is every k of n with every wo. */

@@ -62,12 +62,13 @@ static size_t chunk_of(const struct job *job, size_t start)
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
-    double error = job->pairs.input_error + job->surface.input_error;
     *bound = 0;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         double b;
         if (!asked(job->evaluation, q)) continue;
-        if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, error, &b)) return false;
+        if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, job->pairs.input_error, &b))
+            return false;
+        b += job->surface.parameter_error;
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
         if (b > *bound) *bound = b;
     }

@@ -220,6 +220,16 @@ static bool is_alpha(double alpha)
     return alpha >= FACET_ALPHA_MIN && alpha <= FACET_ALPHA_MAX;
 }
 
+/*
+ * By how much a relative error of all slopes grows in a quantity: at most 4 + 2 + 2
+ * in D, det and sigma of GGX; Beckmann's exponent t <= 150 (beyond, results are
+ * below the floor) has 2 t.  A table may be as steep as Beckmann.
+ */
+static double slope_gain(facet_ndf ndf)
+{
+    return ndf == FACET_GGX ? 8 : 304;
+}
+
 /* Beckmann from moments: alpha^2 = 2 variance (Dupuy 5.1). */
 static bool open_moments(const struct material *m, const struct place *place,
                          struct decoder *decoder, struct surface *surface)
@@ -239,9 +249,9 @@ static bool open_moments(const struct material *m, const struct place *place,
         return api_problem_at(decoder->problem, &at,
                               "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", r->alpha_x,
                               r->alpha_y, r->rho);
-    /* A few roundings of each parameter; kappa = sqrt(1 - rho^2) takes those of rho divided by 1 -
-     * rho^2. */
-    surface->input_error = 8 * DBL_EPSILON * (c.xx * c.yy / det);
+    /* alpha: 1.5 roundings; rho: 4.5, which 1/kappa + 1/kappa^2 <= 2/(1 - rho^2) carries to slopes.
+     */
+    surface->parameter_error = slope_gain(FACET_BECKMANN) * 6 * DBL_EPSILON * (c.xx * c.yy / det);
     return true;
 }
 
@@ -253,7 +263,10 @@ static bool open_ellipse(const struct material *m, const struct place *place,
     struct place at = {place, "alpha_1", 0};
     facet_status status = facet_roughness_from_ellipse(&ellipse, r->slope_x, r->slope_y, r);
     if (status) return api_problem_status(decoder->problem, status, &at);
-    surface->input_error = 8 * DBL_EPSILON / ((1 - r->rho) * (1 + r->rho));
+    /* At phi = 0 the ellipse is the axes, exactly.  Else alpha: 4 roundings, rho: 17; as above. */
+    if (ellipse.phi != 0)
+        surface->parameter_error =
+            slope_gain(surface->facet.ndf) * 20 * DBL_EPSILON / ((1 - r->rho) * (1 + r->rho));
     return true;
 }
 

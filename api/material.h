@@ -71,10 +71,10 @@ struct surface {
     facet_brdf *brdf;
     size_t channels; /* of coloured quantities: 1 or 3 */
     /*
-     * Rounding errors of parameters the service computes (ellipse, moments) as an
-     * equivalent absolute error of direction components; add it to input_error.
+     * What rounding in parameters that the service computes (ellipse, moments) adds
+     * to the relative error of every quantity; add it to facet_bound's.
      */
-    double input_error;
+    double parameter_error;
 };
 
 bool api_material_open(const struct material *material, const struct place *place,

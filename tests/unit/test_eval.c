@@ -244,11 +244,49 @@ TEST(outer_pairs_have_the_first_list_slow)
     answer_clear(&a);
 }
 
+/* The same surface in three forms: the answers agree within the sum of their bounds. */
+TEST(forms_of_roughness_agree)
+{
+    double c = cos(0.4), s = sin(0.4), a1 = 0.5, a2 = 0.2;
+    double xx = a1 * a1 * c * c + a2 * a2 * s * s, yy = a1 * a1 * s * s + a2 * a2 * c * c;
+    double xy = (a2 * a2 - a1 * a1) * c * s;
+    char materials[3][200];
+    snprintf(materials[0], sizeof materials[0], "\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g",
+             sqrt(xx), sqrt(yy), xy / sqrt(xx * yy));
+    snprintf(materials[1], sizeof materials[1], "\"alpha_1\":0.5,\"alpha_2\":0.2,\"phi\":0.4");
+    snprintf(materials[2], sizeof materials[2], "\"moments\":[0,0,%.17g,%.17g,%.17g]", xx / 2,
+             yy / 2, xy / 2);
+    double d[3];
+    for (int i = 0; i < 3; i++) {
+        char body[900];
+        snprintf(body, sizeof body,
+                 "{\"material\":{\"ndf\":\"beckmann\",%s},\"wi\":[[0.36,0.48,0.8]],\"wo\":[[0.48,-"
+                 "0.6,0.64]],\"outputs\":[\"fr\"],\"tolerance\":5e-12}",
+                 materials[i]);
+        struct answer a = ask_post("/v1/eval", body);
+        CHECK_INT(a.response.status, 200);
+        d[i] = answer_number(&a, "fr", 0);
+        answer_clear(&a);
+    }
+    CHECK_REL(d[1], d[0], 1e-13, 0);
+    CHECK_REL(d[2], d[0], 1e-13, 0);
+}
+
+TEST(moments_meet_tight_tolerances)
+{
+    struct answer a = ask_post(
+        "/v1/eval", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,0.045,0.045,0]}," PAIR
+                    ",\"outputs\":[\"D\"],\"tolerance\":1e-12}");
+    CHECK_INT(a.response.status, 200);
+    CHECK_REL(answer_number(&a, "D", 0), 1 / (pi * 0.09), 1e-12, 0);
+    answer_clear(&a);
+}
+
 TEST(one_direction_goes_with_all)
 {
     struct answer a =
         ask_post("/v1/eval", "{" GGX ",\"wi\":[[0,0,1]],\"wo\":[0,0,1,0,0.6,0.8,-0.6,0,0.8],"
-                                     "\"outputs\":[\"G1_o\"],\"tolerance\":1e-9}");
+                             "\"outputs\":[\"G1_o\"],\"tolerance\":1e-9}");
     CHECK_INT(answer_count(&a, "G1_o"), 3);
     CHECK_REL(answer_number(&a, "G1_o", 0), 1, 1e-9, 0);
     CHECK_REL(answer_number(&a, "G1_o", 2), 0.8 / 0.81, 1e-9, 0);
@@ -299,7 +337,7 @@ TEST(chunks_join_without_a_seam)
 TEST(random_directions_are_uniform_and_repeatable)
 {
     static const char *const body = "{" GGX ",\"wi\":[[0,0,1]],\"wo\":{\"random\":{\"n\":20000,"
-                                            "\"seed\":%d}},\"outputs\":[\"sigma_o\"]}";
+                                    "\"seed\":%d}},\"outputs\":[\"sigma_o\"]}";
     char text[300];
     snprintf(text, sizeof text, body, 7);
     struct answer a = ask_post("/v1/eval", text), again = ask_post("/v1/eval", text);

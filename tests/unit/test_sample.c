@@ -57,12 +57,12 @@ TEST(a_seed_means_the_documented_numbers)
     char body[600];
     struct answer by_seed =
         ask_post("/v1/sample", "{" GGX ",\"wo\":[[-0.6,0,0.8],[0,0,1]],\"n\":2,\"seed\":42,"
-                                       "\"outputs\":[\"wi\",\"h\"],\"tolerance\":1e-9}");
+                               "\"outputs\":[\"wi\",\"h\"],\"tolerance\":1e-9}");
     double r[8];
     for (unsigned k = 0; k < 8; k++) r[k] = api_random(42, k);
     snprintf(body, sizeof body,
              "{" GGX ",\"wo\":[[-0.6,0,0.8],[-0.6,0,0.8],[0,0,1],[0,0,1]],\"outputs\":[\"wi\","
-                     "\"h\"],\"tolerance\":1e-9,"
+             "\"h\"],\"tolerance\":1e-9,"
              "\"u\":[[%.17g,%.17g],[%.17g,%.17g],[%.17g,%.17g],[%.17g,%.17g]]}",
              r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7]);
     struct answer by_list = ask_post("/v1/sample", body);
@@ -104,7 +104,7 @@ TEST(the_ends_of_u_work)
 {
     struct answer a =
         ask_post("/v1/sample", "{" GGX ",\"wo\":[[-0.6,0,0.8]],\"u\":[[0,0],[0.9999999999999999,0."
-                                       "9999999999999999],[0,0.9999999999999999]]}");
+                               "9999999999999999],[0,0.9999999999999999]]}");
     CHECK_INT(a.response.status, 200);
     CHECK_INT(answer_count(&a, "wi"), 3);
     answer_clear(&a);
