@@ -1,0 +1,148 @@
+/* The daemon as users get it: what the real API and the server do together. */
+#include "check.h"
+#include "daemon.h"
+
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define FACETD "../../facetd"
+
+/* GCC's names, and clang's. */
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SANITIZED true
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SANITIZED true
+#endif
+#endif
+#ifndef SANITIZED
+#define SANITIZED false
+#endif
+
+static struct answer answer;
+
+TEST(idle_it_holds_at_most_20_mb)
+{
+    enum { LIMIT_KIB = 20 * 1024 };
+    struct daemon daemon;
+    char path[64], line[256];
+    long kib = -1;
+    if (SANITIZED) {
+        check_skip("a sanitizer's own memory is counted too");
+        return;
+    }
+    if (!daemon_start(&daemon, FACETD, NULL)) return;
+    CHECK(daemon_get(&daemon, "/healthz", &answer));
+    snprintf(path, sizeof path, "/proc/%ld/status", (long)daemon.pid);
+    FILE *f = fopen(path, "r");
+    while (f && fgets(line, sizeof line, f)) sscanf(line, "VmRSS: %ld", &kib);
+    if (f) fclose(f);
+    CHECK(kib > 0 && kib <= LIMIT_KIB);
+    check_note("resident_kib", (double)kib);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+/* Large enough that a few of them keep two workers busy while health is asked. */
+#define MAP                                                                                        \
+    "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"tolerance\":1e-12,"                      \
+    "\"wi\":{\"grid\":{\"theta\":500,\"phi\":1000}},\"wo\":[[0,0,1]]}"
+#define FIT                                                                                        \
+    "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":0.15},\"model\":\"auto\",\"resolution\":360}"
+
+static void health_during(const char *path, const char *body)
+{
+    enum { JOBS = 8, ASKED = 20 };
+    struct daemon daemon;
+    int jobs[JOBS], while_busy = 0;
+    double worst = 0;
+    char byte;
+    if (!daemon_start(&daemon, FACETD, (const char *const[]){"--workers", "2", NULL})) return;
+    CHECK(daemon_ask(&daemon, "POST", path, "", "{}", 2, &answer));
+    if (answer.status == 404) {
+        check_skip("this endpoint is not there yet");
+        daemon_stop(&daemon);
+        return;
+    }
+    for (int i = 0; i < JOBS; i++) jobs[i] = daemon_post(&daemon, path, body);
+    for (int i = 0; i < ASKED; i++) {
+        double start = now_ms();
+        CHECK(daemon_get(&daemon, "/healthz", &answer));
+        CHECK_INT(answer.status, 200);
+        if (now_ms() - start > worst) worst = now_ms() - start;
+        if (recv(jobs[JOBS - 1], &byte, 1, MSG_DONTWAIT | MSG_PEEK) < 0) while_busy++;
+    }
+    CHECK(while_busy > 0); /* it did not wait for the work to end */
+    check_note("healthz_ms_worst", worst);
+    check_note("asked_while_busy", while_busy);
+    for (int i = 0; i < JOBS; i++) {
+        CHECK(daemon_read(jobs[i], &answer));
+        CHECK_INT(answer.status, 200);
+        close(jobs[i]);
+    }
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(health_is_answered_while_all_workers_evaluate)
+{
+    health_during("/v1/eval", MAP);
+}
+
+TEST(health_is_answered_while_all_workers_fit)
+{
+    health_during("/v1/fit", FIT);
+}
+
+TEST(sigterm_lets_an_evaluation_finish)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FACETD, NULL)) return;
+    int fd = daemon_post(&daemon, "/v1/eval", MAP);
+    sleep_ms(20);
+    kill(daemon.pid, SIGTERM);
+    CHECK(daemon_read(fd, &answer));
+    CHECK_INT(answer.status, 200);
+    CHECK(answer.body_size > 500000);
+    CHECK_INT(daemon_wait(&daemon), 0);
+    close(fd);
+}
+
+TEST(a_client_that_leaves_ends_its_evaluation)
+{
+    enum { LEFT = 6 };
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FACETD, (const char *const[]){"--workers", "1", NULL})) return;
+    for (int i = 0; i < LEFT; i++) {
+        int fd = daemon_post(&daemon, "/v1/eval", MAP);
+        sleep_ms(10);
+        close(fd);
+    }
+    double start = now_ms();
+    int fd = daemon_post(&daemon, "/v1/eval",
+                         "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},"
+                         "\"wi\":[[0,0,1]],\"wo\":[[0,0,1]]}");
+    CHECK(daemon_read(fd, &answer));
+    CHECK_INT(answer.status, 200);
+    check_note("next_answer_ms", now_ms() - start);
+    close(fd);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(refusals_of_the_server_are_problems_too)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FACETD, NULL)) return;
+    CHECK(daemon_ask(&daemon, "POST", "/v1/eval",
+                     "Transfer-Encoding: gzip\r\nX-Request-Id: framing\r\n", NULL, 0, &answer));
+    CHECK_INT(answer.status, 400);
+    CHECK_STR(answer_header(&answer, "Content-Type"), "application/problem+json");
+    CHECK_STR(answer_header(&answer, "X-Request-Id"), "framing");
+    CHECK(strstr(answer.body, "\"status\":400"));
+    CHECK(daemon_ask(&daemon, "PUT", "/v1/eval", "", "{}", 2, &answer));
+    CHECK_INT(answer.status, 405);
+    CHECK_STR(answer_header(&answer, "Allow"), "POST");
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
