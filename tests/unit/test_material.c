@@ -81,4 +81,8 @@ TEST(a_covariance_that_is_not_positive_is_named)
     CHECK_STR(answer_error(&a, "detail"),
               "the covariance [[0, 0], [0, 1]] is not positive definite");
     answer_clear(&a);
+    a = ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,1,1,1]}}");
+    CHECK_STR(answer_error(&a, "detail"),
+              "the covariance [[1, 1], [1, 1]] is not positive definite");
+    answer_clear(&a);
 }
