@@ -2,6 +2,7 @@
 #include "check.h"
 #include "facet_fit.h"
 #include "fit_backscatter.h"
+#include "fit_pairs.h"
 #include "slope_table.h"
 
 #include <math.h>
@@ -183,6 +184,14 @@ TEST(the_right_model_is_exact)
               5e-4); /* Fresnel linear between nodes 1 degree apart */
         CHECK(right->bytes < fit.candidate[2].bytes &&
               fit.candidate[3].bytes < fit.candidate[4].bytes);
+        const facet_fresnel *table = &fit.candidate[2 + (size_t)ndf].material.fresnel;
+        for (size_t i = 0; i < table->count;
+             i++) { /* the horizon, where nothing is seen, included */
+            double q = 1 - table->cos_theta_d[i], schlick = .04 + .96 * q * q * q * q * q;
+            CHECK_REL(table->values[2][i], schlick, 1e-2, 0);
+            if (i) CHECK(table->cos_theta_d[i] > table->cos_theta_d[i - 1]);
+        }
+        CHECK(table->cos_theta_d[0] == 0 && table->cos_theta_d[table->count - 1] == 1);
         check_note("rms right", right->error.rms_log);
         check_note("rms tabulated", fit.candidate[4].error.rms_log);
         facet_fit_clear(&fit);
@@ -206,6 +215,45 @@ TEST(hot_spot_is_recognised)
         check_note("alpha", fabs(alpha / closed.alpha - 1));
         facet_fit_clear(&fit);
     }
+}
+
+/* Each value of a Fresnel table is the least-squares one, also where the model is wrong. */
+TEST(fresnel_is_the_least_squares)
+{
+    enum { GROUPS = 6 };
+    struct closed closed = {FACET_GGX, .3, {.6, .5, .2}, true};
+    facet_fit_source source = source_of(&closed);
+    double theta_h[] = {0, .05, .1, .2, .4, .8}, theta_d[GROUPS] = {0, .3, .6, .9, 1.2, 1.5};
+    struct fit_grid grid = {theta_h, theta_d, 6, GROUPS, 3};
+    struct fit_pairs pairs;
+    facet_material wrong = {.ndf = FACET_GGX,
+                            .roughness = {.35, .35, 0, 0, 0},
+                            .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
+    double table[3][GROUPS], *values[3] = {table[0], table[1], table[2]}, f0[3];
+    CHECK_INT(facet_fit_pairs_create(&source, &grid, &pairs), FACET_OK);
+    CHECK_INT(facet_fit_pairs_model(&pairs, &wrong), FACET_OK);
+    CHECK(facet_fit_fresnel_table(&pairs, values));
+    double best = facet_fit_residual(&pairs, values);
+    for (int k = 0; k < 3 * GROUPS; k++) {
+        double *value = &table[k / GROUPS][k % GROUPS], kept = *value;
+        for (int sign = -1; sign <= 1; sign += 2) {
+            *value = kept * (1 + sign * 1e-3);
+            CHECK(facet_fit_residual(&pairs, values) > best);
+        }
+        *value = kept;
+    }
+    facet_fit_fresnel_schlick(&pairs, values, f0);
+    for (int c = 0; c < 3; c++) {
+        double sum[3];
+        for (int k = 0; k < 3; k++) {
+            double f = f0[c] * (1 + 1e-3 * (k - 1));
+            for (int g = 0; g < GROUPS; g++)
+                table[c][g] = f + (1 - f) * pow(1 - cos(theta_d[g]), 5);
+            sum[k] = facet_fit_residual(&pairs, values);
+        }
+        CHECK(sum[1] < sum[0] && sum[1] < sum[2]);
+    }
+    facet_fit_pairs_clear(&pairs);
 }
 
 /* rms_log again, from the definition in facet_fit.h. */

@@ -1,5 +1,6 @@
 /* Tabulated slope distributions against closed forms and brute-force quadrature. */
 #include "check.h"
+#include "slope_pieces.h"
 #include "slope_table.h"
 
 #include <math.h>
@@ -98,6 +99,28 @@ TEST(closed_forms)
             facet_slope_table_destroy(table);
         }
     }
+}
+
+/* The quadrature alone, on a table so fine that its spline is no excuse; and its tabulation far
+ * out. */
+TEST(psi_by_quadrature)
+{
+    double alpha = .3;
+    facet_slope_table *table = tabulate(GGX, alpha, .45, 2881);
+    struct slope_pieces pieces;
+    if (!table) return;
+    CHECK_INT(facet_slope_pieces_create(.45, table->view.log_q, &pieces), FACET_OK);
+    for (double v = 0; v < 1e5; v = v * 1.07 + 1e-4) {
+        double derivative, exact = psi(GGX, alpha, v), x = v / alpha, root = sqrt(1 + x * x);
+        double got = facet_slope_pieces_psi(&pieces, v, &derivative);
+        CHECK_REL(got, exact, 5e-11, 0); /* 8 points on r = v .. 2 v: 1e-11 */
+        CHECK_REL(derivative, -1 / (2 * root * (root + x)), 5e-11, 0);
+        check_note("psi", fabs(got / exact - 1));
+        CHECK_REL(table_psi(table, v), exact, 1e-8, 0);
+        check_note("tabulated", fabs(table_psi(table, v) / exact - 1));
+    }
+    facet_slope_pieces_clear(&pieces);
+    facet_slope_table_destroy(table);
 }
 
 /* sigma of the table against the integral of the table's own D, over azimuth and radius by brute
