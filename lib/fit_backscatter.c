@@ -115,7 +115,7 @@ static double masked_sum(const struct fit_density *density, facet_fit_convention
     return sum;
 }
 
-/* F0 P(r) = 4 f_r/(1 + r^2)^3 times the sum above */
+/* F0 P(r) = 4 f_r/(1 + r^2)^3 times the sum above: Dupuy 2015, alg. 1, in slopes. */
 static double gain(double r, double fr)
 {
     double s = 1 + r * r;
@@ -244,7 +244,7 @@ double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf)
 {
     double moment = 0, peak = 0;
     for (size_t i = 0; i < density->count; i++) {
-        /* GGX: 4 E[r]/(2 pi) ...; Beckmann: E[r^2] (FORMULAS 7) */
+        /* GGX: alpha = (2/pi) E[r]; Beckmann: alpha^2 = E[r^2] (Dupuy 2015, sec. 4.2) */
         double power = ndf == FACET_GGX ? density->r[i] : density->r[i] * density->r[i];
         moment += density->weight[i] * density->p[i] * power;
         peak = fmax(peak, density->p[i]);
