@@ -21,7 +21,7 @@ struct leadr_request {
 };
 
 static const char *const kinds[] = {"displacement", NULL};
-static const char *const compressions[] = {"zip", "none", NULL};
+static const char *const compressions[] = {"none", "zip", NULL};
 
 static const struct field request_fields[] = {
     {MEMBER(struct leadr_request, heights), FIELD_MATRIX,
@@ -52,7 +52,9 @@ static const struct field request_fields[] = {
     {MEMBER(struct leadr_request, form), FIELD_ENUM, FIELD_DEFAULT, .names = api_forms,
      .doc = "raw: E1..E5; central: E1, E2 and the covariance V11, V22, V12, which loses less"},
     {MEMBER(struct leadr_request, compression), FIELD_ENUM, FIELD_DEFAULT, .names = compressions,
-     .doc = "of the EXR answered"},
+     .doc = "of the EXR answered; zip saves up to half on 8-bit maps, nothing on noisy ones, and "
+            "takes "
+            "longer than all the rest"},
     {0},
 };
 
@@ -163,7 +165,7 @@ static void take_options(const struct leadr_request *in, struct leadr_map *map)
         .storage = (facet_storage)in->type,
         .form = (facet_moment_form)in->form,
     };
-    map->compress = in->compression == 0;
+    map->compress = in->compression == 1;
 }
 
 static bool answer(struct call *call, const struct leadr_map *map)

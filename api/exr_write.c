@@ -7,7 +7,7 @@
 
 enum {
     TILE = 64,
-    ZIP_LEVEL = 4,
+    ZIP_LEVEL = 2,
     CHUNK_HEAD = 28, /* five numbers before a tile, its place in the table of chunks */
     HEADER = 4096,
 };
