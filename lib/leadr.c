@@ -50,19 +50,39 @@ static double overlap(size_t j, size_t m, size_t i, size_t n)
     return high > low ? (double)(high - low) : 0;
 }
 
-/* One source row into one row of the target, weighted. */
-static void filter_row(double *const e[MOMENT_COUNT], size_t width, double weight, struct grid *to,
-                       size_t row)
+/* The columns under one texel of a coarser level: the first and the last may be shared. */
+struct span {
+    size_t first, last;
+    double low, high; /* weights of first and last; 0 for last if it is first */
+};
+
+/* n spans over m columns, n <= m, in the weights of overlap; NULL: out of memory. */
+static struct span *spans_of(size_t m, size_t n)
+{
+    struct span *spans = malloc(n * sizeof *spans);
+    for (size_t i = 0; spans && i < n; i++) {
+        const size_t first = i * m / n, last = ((i + 1) * m - 1) / n;
+        spans[i] = (struct span){first, last, overlap(first, m, i, n),
+                                 last > first ? overlap(last, m, i, n) : 0};
+    }
+    return spans;
+}
+
+/* One source row into one row of the target; a column inside a span weighs n. */
+static void filter_row(double *const e[MOMENT_COUNT], const struct span *spans, double weight,
+                       struct grid *to, size_t row)
 {
     const size_t n = to->width;
-    for (size_t i = 0; i < n; i++) {
-        double sum[MOMENT_COUNT] = {0};
-        for (size_t j = i * width / n; j * n < (i + 1) * width; j++) {
-            const double share = overlap(j, width, i, n);
-            for (size_t k = 0; k < MOMENT_COUNT; k++) sum[k] += share * e[k][j];
+    const double whole = (double)n;
+    for (size_t k = 0; k < MOMENT_COUNT; k++) {
+        const double *from = e[k];
+        double *out = to->values + (k * to->height + row) * n;
+        for (size_t i = 0; i < n; i++) {
+            const struct span *s = &spans[i];
+            double inside = 0;
+            for (size_t j = s->first + 1; j < s->last; j++) inside += from[j];
+            out[i] += weight * (s->low * from[s->first] + whole * inside + s->high * from[s->last]);
         }
-        for (size_t k = 0; k < MOMENT_COUNT; k++)
-            to->values[(k * to->height + row) * n + i] += weight * sum[k];
     }
 }
 
@@ -70,13 +90,19 @@ static void filter_row(double *const e[MOMENT_COUNT], size_t width, double weigh
 static facet_status filter(const struct source *from, const facet_watch *watch, struct grid *to)
 {
     const size_t total = MOMENT_COUNT * to->width * to->height;
+    struct span *spans = spans_of(from->width, to->width);
+    if (!spans) return FACET_NO_MEMORY;
     for (size_t q = 0; q < from->height; q++) {
-        if (cancelled(watch, q)) return FACET_CANCELLED;
+        if (cancelled(watch, q)) {
+            free(spans);
+            return FACET_CANCELLED;
+        }
         double *e[MOMENT_COUNT];
         source_row(from, q, e);
         for (size_t r = q * to->height / from->height; r * from->height < (q + 1) * to->height; r++)
-            filter_row(e, from->width, overlap(q, from->height, r, to->height), to, r);
+            filter_row(e, spans, overlap(q, from->height, r, to->height), to, r);
     }
+    free(spans);
     const double area = (double)from->width * (double)from->height;
     for (size_t i = 0; i < total; i++) to->values[i] /= area;
     return FACET_OK;
