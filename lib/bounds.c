@@ -71,36 +71,54 @@ static double slope_gain(facet_ndf ndf)
     return ndf == FACET_BECKMANN ? 25 : 4;
 }
 
-/*
- * What a Fresnel term's own constants make worse.  Schlick's (1 - c)^5 in float
- * inherits 1 - c from double; F0 = 0 loses it near normal incidence.  Below
- * eta = 1 the dielectric has a square-root singularity at the critical angle.
- * A conductor close to vacuum reflects a difference.
- */
-static double fresnel_bound(const facet_brdf *b, facet_tier tier, double input_error)
+/* max |dF/dc| / F of the cells: what an error of c costs. */
+static double table_steepness(const struct kernel_fresnel *f)
 {
-    const facet_fresnel *f = &b->material.fresnel;
-    double base = base_fresnel_bound(tier, f->kind), worst = base;
-    double rounding = tier == FACET_FAST ? 6e-8 : DOUBLE_ROUNDING;
-    double angle = (tier == FACET_FAST ? 4 * DOUBLE_ROUNDING : 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING) + input_error;
-    for (size_t c = 0; c < b->channels; c++) {
-        double bound = base;
-        if (f->kind == FACET_FRESNEL_SCHLICK) {
-            bound += 5 * angle / pow(fmax(f->f0[c], 1e-45), 0.2);
-        } else if (f->kind == FACET_FRESNEL_DIELECTRIC) {
-            if (f->eta[c] < 1) bound += 8 * sqrt(8 * DOUBLE_ROUNDING + 4 * input_error) + 16 * sqrt(rounding);
-        } else if (f->kind == FACET_FRESNEL_CONDUCTOR) {
-            double d = f->eta[c] - 1, s = f->eta[c] + 1, k2 = f->k[c] * f->k[c];
-            bound += 64 * rounding * (s * s + k2) / fmax(d * d + k2, 1e-300);
-        }
-        worst = fmax(worst, bound);
+    double worst = 0;
+    for (size_t i = 1; i < f->count; i++) {
+        double rise = fabs(f->values[i] - f->values[i - 1]);
+        double low = fmin(f->values[i], f->values[i - 1]);
+        if (rise > 0) worst = fmax(worst, rise / (f->cos_theta_d[i] - f->cos_theta_d[i - 1]) / low);
     }
-    return f->kind == FACET_FRESNEL_IDEAL ? 0 : worst + 8 * input_error;
+    return worst;
 }
 
-/* Floats hold the kernels' intermediate values on this domain only. */
-static bool fast_domain(const facet_brdf *b)
+/*
+ * What a Fresnel term's own constants make of an error in its angle (angle: of
+ * 1 - c or c^2 as the kernels form it).  (1 - c)^5 counts where it passes F0 and
+ * FACET_FLOOR; below eta = 1, F leaves 1 like a square root.
+ */
+static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresnel_kind kind, double angle,
+                                    double input_error)
 {
+    switch (kind) {
+    case FACET_FRESNEL_SCHLICK: return 5 * (angle + input_error) / pow(fmax(f->f0, 1e-45), 0.2);
+    case FACET_FRESNEL_DIELECTRIC:
+    case FACET_FRESNEL_CONDUCTOR:
+        return f->excess < 0 ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta, f->k)) : 8 * input_error;
+    case FACET_FRESNEL_TABLE: return (2 * DOUBLE_ROUNDING + input_error) * table_steepness(f);
+    default: return 0;
+    }
+}
+
+static double fresnel_bound(const facet_brdf *b, facet_tier tier, double input_error)
+{
+    facet_fresnel_kind kind = b->material.fresnel.kind;
+    double angle = 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING, worst = 0;
+    for (size_t c = 0; c < b->channels; c++)
+        worst = fmax(worst, fresnel_channel_bound(&b->fresnel[c], kind, angle, input_error));
+    return base_fresnel_bound(tier, kind) + worst;
+}
+
+/*
+ * Floats hold the kernels' intermediate values on this domain only.  G and G1 of
+ * a sheared surface, and the thesis's forms, divide by a sigma that underflows.
+ */
+static bool fast_domain(const facet_brdf *b, facet_quantity quantity)
+{
+    bool divides = quantity == FACET_G || quantity == FACET_G1_I || quantity == FACET_G1_O;
+    if (b->masking == KERNEL_SMITH_THESIS || b->masking == KERNEL_UNCORRELATED_THESIS) return false;
+    if (b->shape == KERNEL_SHEARED && divides) return false;
     facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
     double lean = fmax(fabs(b->surface.slope_x), fabs(b->surface.slope_y));
     return e.alpha_2 >= 1e-4 && e.alpha_1 <= 1e3 && lean <= 1e2;
@@ -119,7 +137,7 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
 {
     *bound = INFINITY;
     if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT) return false;
-    if (tier == FACET_FAST && !fast_domain(b)) return false;
+    if (tier == FACET_FAST && !fast_domain(b, quantity)) return false;
     double base = base_bound(tier, b->material.ndf, quantity);
     double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error);
     if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)

@@ -89,6 +89,17 @@ static enum kernel_masking masking_of(const facet_material *m, enum kernel_shape
     }
 }
 
+/* eta^2 - k^2 - 1 as an unevaluated sum: it cancels near vacuum. */
+static void set_excess(struct kernel_fresnel *f)
+{
+    double ee = f->eta * f->eta, kk = f->k * f->k;
+    double first = ee - kk, t = first - ee, first_low = (ee - (first - t)) - (kk + t);
+    double sum = first - 1, u = sum - first, sum_low = (first - (sum - u)) - (1 + u);
+    f->excess_low = sum_low + (first_low + (fma(f->eta, f->eta, -ee) - fma(f->k, f->k, -kk)));
+    f->excess = sum + f->excess_low;
+    f->excess_low -= f->excess - sum;
+}
+
 static void copy_fresnel(facet_brdf *b, const facet_fresnel *f)
 {
     size_t n = f->kind == FACET_FRESNEL_TABLE ? f->count : 0;
@@ -96,8 +107,10 @@ static void copy_fresnel(facet_brdf *b, const facet_fresnel *f)
     for (size_t c = 0; c < f->channels; c++) {
         double *values = b->tables + (c + 1) * n;
         if (n) memcpy(values, f->values[c], n * sizeof *values);
-        b->fresnel[c] = (struct kernel_fresnel){ .f0 = f->f0[c], .eta = f->eta[c], .k = f->k[c],
-                                                 .count = n, .cos_theta_d = b->tables, .values = values };
+        bool conductor = f->kind == FACET_FRESNEL_CONDUCTOR;
+        b->fresnel[c] = (struct kernel_fresnel){ .f0 = f->f0[c], .eta = f->eta[c],
+                                                 .k = conductor ? f->k[c] : 0, .count = n, .cos_theta_d = b->tables, .values = values };
+        set_excess(&b->fresnel[c]);
     }
 }
 

@@ -43,15 +43,14 @@ struct block {
     struct kernel_pairs pairs;
     size_t n;
     bool has_angle;
-    double angle[BLOCK], scalar[BLOCK];
+    double angle[BLOCK], angle_low[BLOCK], scalar[BLOCK];
 };
 
-/* cos theta_d, or 1 - cos theta_d for Schlick; computed once per block, if at all. */
+/* Computed once per block, if at all. */
 static const double *angle_of(struct block *k)
 {
     if (!k->has_angle) {
-        bool schlick = k->brdf->material.fresnel.kind == FACET_FRESNEL_SCHLICK;
-        (schlick ? k->kernels->versine_theta_d : k->kernels->cos_theta_d)(&k->pairs, k->n, k->angle);
+        k->kernels->angle[k->brdf->material.fresnel.kind](&k->pairs, k->n, k->angle, k->angle_low);
         k->has_angle = true;
     }
     return k->angle;
@@ -65,7 +64,7 @@ static void colour(struct block *k, const double *factor, double *const out[3], 
     for (size_t c = 0; c < b->channels; c++) {
         if (!out[c]) continue;
         if (fresnel) {
-            fresnel(&b->fresnel[c], angle_of(k), factor, k->n, out[c] + offset);
+            fresnel(&b->fresnel[c], angle_of(k), k->angle_low, factor, k->n, out[c] + offset);
         } else {
             for (size_t i = 0; i < k->n; i++) out[c][offset + i] = factor ? factor[i] : 1;
         }
@@ -92,6 +91,27 @@ static void eval_quantity(struct block *k, facet_quantity q, double *const out[3
     colour(k, k->scalar, out, offset);
 }
 
+/*
+ * Floats lose products of cosines below this: such a block runs in the precise
+ * kernels, so that the promise of FAST holds for every direction.
+ */
+#define FAST_COSINE_MIN 0x1p-60
+
+static bool grazing(const double *z, size_t n)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++) count += (fabs(z[i]) < FAST_COSINE_MIN) & (z[i] != 0);
+    return count > 0;
+}
+
+static const struct facet_kernels *kernels_for_block(facet_tier tier, const struct kernel_pairs *pairs,
+                                                     size_t n)
+{
+    if (tier == FACET_FAST && (grazing(pairs->wi.z, n) || grazing(pairs->wo.z, n)))
+        return facet_kernels_for(FACET_PRECISE);
+    return facet_kernels_for(tier);
+}
+
 static facet_vec3_in shift(facet_vec3_in v, size_t offset)
 {
     return (facet_vec3_in){ v.x + offset, v.y + offset, v.z + offset };
@@ -101,10 +121,12 @@ facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in w
                         size_t n, const facet_outputs *outputs)
 {
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    struct block k = { .brdf = brdf, .kernels = facet_kernels_for(tier) };
+    struct block k;
+    k.brdf = brdf;
     for (size_t start = 0; start < n; start += BLOCK) {
         k.n = n - start < BLOCK ? n - start : BLOCK;
         k.pairs = (struct kernel_pairs){ shift(wi, start), shift(wo, start) };
+        k.kernels = kernels_for_block(tier, &k.pairs, k.n);
         k.has_angle = false;
         for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
             if (outputs->of[q][0]) eval_quantity(&k, (facet_quantity)q, outputs->of[q], start);
@@ -130,9 +152,10 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
 }
 
 /* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
-static void weigh(struct block *k, facet_vec3_in wi, double *const weight[3], size_t offset)
+static void weigh(struct block *k, facet_tier tier, facet_vec3_in wi, double *const weight[3], size_t offset)
 {
     k->pairs.wi = wi;
+    k->kernels = kernels_for_block(tier, &k->pairs, k->n);
     k->has_angle = false;
     kernel_eval_fn *loop = find_loop(k->brdf, k->kernels, KERNEL_WEIGHT);
     if (achromatic_ideal(k->brdf)) {
@@ -144,7 +167,7 @@ static void weigh(struct block *k, facet_vec3_in wi, double *const weight[3], si
 }
 
 /* Where the samples of one block go; what nobody asked for but the loop writes goes to scratch. */
-static void draw(struct block *k, const double *u1, const double *u2, const facet_samples *out,
+static void draw(struct block *k, facet_tier tier, const double *u1, const double *u2, const facet_samples *out,
                  size_t offset)
 {
     double scratch[4][BLOCK];
@@ -154,19 +177,21 @@ static void draw(struct block *k, const double *u1, const double *u2, const face
     if (out->h.x) h = (facet_vec3_out){ out->h.x + offset, out->h.y + offset, out->h.z + offset };
     k->kernels->sample[k->brdf->material.ndf](&k->brdf->surface, k->pairs.wo, u1 + offset, u2 + offset,
                                               k->n, wi, h, pdf);
-    if (out->weight[0]) weigh(k, (facet_vec3_in){ wi.x, wi.y, wi.z }, out->weight, offset);
+    if (out->weight[0]) weigh(k, tier, (facet_vec3_in){ wi.x, wi.y, wi.z }, out->weight, offset);
 }
 
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
                           const double *u2, size_t n, const facet_samples *out)
 {
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    struct block k = { .brdf = brdf, .kernels = facet_kernels_for(tier) };
-    if (!k.kernels->sample[brdf->material.ndf]) return FACET_UNSUPPORTED;
+    struct block k;
+    k.brdf = brdf;
+    if (!facet_kernels_for(tier)->sample[brdf->material.ndf]) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n; start += BLOCK) {
         k.n = n - start < BLOCK ? n - start : BLOCK;
         k.pairs.wo = shift(wo, start);
-        draw(&k, u1, u2, out, start);
+        k.kernels = facet_kernels_for(tier);
+        draw(&k, tier, u1, u2, out, start);
     }
     return FACET_OK;
 }

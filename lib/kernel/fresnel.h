@@ -7,41 +7,60 @@
 #include "kernels.h"
 #include "real.h"
 
-/* Schlick 1994, of 1 - c, which is given because forming it here would cancel. */
-INLINE real fresnel_schlick(const struct kernel_fresnel *f, double versine)
+/*
+ * Each loop is fed the angle in the form it needs (kernel.c): Schlick 1 - c, the
+ * table c, dielectric and conductor c^2 as a pair, because what they take the
+ * root of vanishes at the critical angle.
+ */
+INLINE real fresnel_schlick(const struct kernel_fresnel *f, pair versine)
 {
-    real v = (real)(versine > 0 ? versine : 0), v2 = v * v;
-    return madd((real)(1 - f->f0), v2 * v2 * v, (real)f->f0);
+    real v = (real)(versine.hi > 0 ? versine.hi : 0), v2 = v * v;
+    return madd((real)(1 - f->f0), v2 * v2 * v, (real)f->f0); /* Schlick 1994 */
 }
 
-/* Unpolarised, real eta; 1 at total reflection.  g - c is formed as (eta^2 - 1)/(g + c). */
-INLINE real fresnel_dielectric(const struct kernel_fresnel *f, double cosine)
+/* f->excess + c^2, right to its last digit. */
+INLINE double fresnel_root(const struct kernel_fresnel *f, pair c2)
 {
-    double excess = (f->eta - 1) * (f->eta + 1), g2 = excess + cosine * cosine;
-    real c = (real)cosine, g = real_sqrt(real_max((real)g2, 0));
-    real sum = g + c, difference = (real)excess / sum;
-    real s = difference / sum, p = (c * sum - 1) / (c * difference + 1);
-    real value = (real)0.5 * s * s * madd(p, p, 1);
-    return g2 < 0 ? 1 : real_min(value, 1);
+    return pair_round(pair_add((pair){ f->excess, f->excess_low }, c2));
 }
 
-/* Unpolarised, eta + i k. */
-INLINE real fresnel_conductor(const struct kernel_fresnel *f, double cosine)
+/*
+ * Unpolarised, real eta; 1 at total reflection.  g^2 = eta^2 - 1 + c^2, g - c as
+ * (eta^2 - 1)/(g + c), and c (g +- c) -+ 1 as c g -+ (1 - c^2).
+ */
+INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair c2)
 {
-    real c = (real)(cosine < 1 ? cosine : 1), c2 = c * c, s2 = (1 - c) * (1 + c);
-    real eta = (real)f->eta, k = (real)f->k;
-    real t = (eta - k) * (eta + k) - s2;
-    real both = real_sqrt(madd(t, t, 4 * eta * eta * k * k)); /* a^2 + b^2 */
-    real a = real_sqrt(real_max((real)0.5 * (both + t), 0));
-    real s = (both - 2 * a * c + c2) / (both + 2 * a * c + c2);
-    real s4 = s2 * s2;
-    real p = (c2 * both - 2 * a * c * s2 + s4) / (c2 * both + 2 * a * c * s2 + s4);
-    return real_min(real_max((real)0.5 * s * (1 + p), 0), 1);
+    double g2 = fresnel_root(f, c2);
+    real c = real_sqrt((real)c2.hi), g = real_sqrt(real_max((real)g2, 0));
+    real sine2 = (real)((1 - c2.hi) - c2.lo), sum = g + c;
+    real s = (real)f->excess / (sum * sum), p = (c * g - sine2) / (c * g + sine2);
+    real value = real_min((real)0.5 * s * s * madd(p, p, 1), 1);
+    return g2 > 0 ? value : 1;
+}
+
+/*
+ * Unpolarised, eta + i k: a^2 - b^2 = t = eta^2 - k^2 - 1 + c^2 and a b = eta k,
+ * the larger of a and b by a root of like signs; a - c as (t + b^2 - c^2)/(a + c).
+ */
+INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair c2)
+{
+    real t = (real)fresnel_root(f, c2), product = (real)(f->eta * f->k);
+    real c = real_sqrt((real)c2.hi), sine2 = (real)((1 - c2.hi) - c2.lo);
+    real both = real_sqrt(madd(t, t, 4 * product * product));
+    real larger = real_sqrt((real)0.5 * (both + real_abs(t)));
+    real smaller = product / real_max(larger, (real)REAL_MIN);
+    real a = t > 0 ? larger : smaller, b = t > 0 ? smaller : larger;
+    real minus = ((real)f->excess + b * b) / (a + c), plus = a + c, bb = b * b;
+    real s = madd(minus, minus, bb) / madd(plus, plus, bb);
+    real low = a * c - sine2, high = a * c + sine2, bc2 = bb * (real)c2.hi;
+    real p = madd(low, low, bc2) / madd(high, high, bc2);
+    return real_min((real)0.5 * s * (1 + p), 1);
 }
 
 /* Linear between the nodes, constant outside. */
-INLINE real fresnel_table(const struct kernel_fresnel *f, double c)
+INLINE real fresnel_table(const struct kernel_fresnel *f, pair cosine)
 {
+    double c = cosine.hi;
     size_t low = 0, high = f->count - 1;
     while (high - low > 1) {
         size_t middle = (low + high) / 2;

@@ -38,30 +38,62 @@
 
 /* ---- angles and Fresnel ------------------------------------------------------------- */
 
-#define ANGLE_LOOP(name, expression)                                                            \
-    static void name(const struct kernel_pairs *p, size_t n, double *restrict out)              \
+/* |H|^2/4 as a pair, from H with its rounding errors. */
+INLINE pair cosine_squared(struct vec3 i, struct vec3 o)
+{
+    pair x = pair_sum(i.x, o.x), y = pair_sum(i.y, o.y), z = pair_sum(i.z, o.z);
+    pair xx = pair_product(x.hi, x.hi, 2 * x.lo), yy = pair_product(y.hi, y.hi, 2 * y.lo);
+    pair hh = pair_add(pair_add(xx, yy), pair_product(z.hi, z.hi, 2 * z.lo));
+    return (pair){ 0.25 * hh.hi, 0.25 * hh.lo };
+}
+
+INLINE pair angle_squared(pair c2)
+{
+    return c2;
+}
+
+INLINE pair angle_cosine(pair c2)
+{
+    return (pair){ __builtin_sqrt(c2.hi), 0 };
+}
+
+/* 1 - c = (1 - c^2)/(1 + c): the difference cancels near the mirror direction. */
+INLINE pair angle_versine(pair c2)
+{
+    return (pair){ ((1 - c2.hi) - c2.lo) / (1 + __builtin_sqrt(c2.hi)), 0 };
+}
+
+#define ANGLE_LOOP(name)                                                                        \
+    static void loop_##name(const struct kernel_pairs *p, size_t n, double *restrict out,       \
+                            double *restrict low)                                                   \
     {                                                                                           \
         const double *restrict ix = p->wi.x, *restrict iy = p->wi.y, *restrict iz = p->wi.z;    \
         const double *restrict ox = p->wo.x, *restrict oy = p->wo.y, *restrict oz = p->wo.z;    \
         _Pragma("omp simd") for (size_t k = 0; k < n; k++)                                      \
         {                                                                                       \
-            wide x = wide_sum(ix[k], ox[k]), y = wide_sum(iy[k], oy[k]), z = wide_sum(iz[k], oz[k]); \
-            out[k] = expression;                                                                \
+            struct vec3 i = { ix[k], iy[k], iz[k] }, o = { ox[k], oy[k], oz[k] };               \
+            pair angle = angle_##name(cosine_squared(i, o));                                    \
+            out[k] = angle.hi;                                                                  \
+            low[k] = angle.lo;                                                                  \
         }                                                                                       \
     }
 
-ANGLE_LOOP(cos_theta_d, 0.5 * __builtin_sqrt(x.hi * x.hi + y.hi * y.hi + z.hi * z.hi))
-ANGLE_LOOP(versine_theta_d, versine(x, y, z))
+ANGLE_LOOP(cosine)
+ANGLE_LOOP(versine)
+ANGLE_LOOP(squared)
 
 #define FRESNEL_LOOP(name, pragma)                                                              \
     static void loop_##name(const struct kernel_fresnel *fresnel, const double *restrict angle, \
-                            const double *restrict factor, size_t n, double *restrict out)      \
+                            const double *restrict low, const double *restrict factor, size_t n, \
+                            double *restrict out)                                               \
     {                                                                                           \
         const struct kernel_fresnel f = *fresnel;                                               \
         if (factor) {                                                                           \
-            pragma for (size_t k = 0; k < n; k++) out[k] = (double)name(&f, angle[k]) * factor[k]; \
+            pragma for (size_t k = 0; k < n; k++)                                               \
+                out[k] = (double)name(&f, (pair){ angle[k], low[k] }) * factor[k];              \
         } else {                                                                                \
-            pragma for (size_t k = 0; k < n; k++) out[k] = (double)name(&f, angle[k]);          \
+            pragma for (size_t k = 0; k < n; k++)                                               \
+                out[k] = (double)name(&f, (pair){ angle[k], low[k] });                          \
         }                                                                                       \
     }
 
@@ -113,8 +145,12 @@ const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA) = {
 #include "loops.def"
 #undef EVAL_LOOP
     },
-    .cos_theta_d = cos_theta_d,
-    .versine_theta_d = versine_theta_d,
+    .angle = {
+        [FACET_FRESNEL_SCHLICK] = loop_versine,
+        [FACET_FRESNEL_DIELECTRIC] = loop_squared,
+        [FACET_FRESNEL_CONDUCTOR] = loop_squared,
+        [FACET_FRESNEL_TABLE] = loop_cosine,
+    },
     .fresnel = {
         [FACET_FRESNEL_SCHLICK] = loop_fresnel_schlick,
         [FACET_FRESNEL_DIELECTRIC] = loop_fresnel_dielectric,

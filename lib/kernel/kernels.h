@@ -48,6 +48,7 @@ struct kernel_surface {
 struct kernel_fresnel {
     double f0;
     double eta, k;
+    double excess, excess_low; /* eta^2 - k^2 - 1 and what its double lacks */
     size_t count;
     const double *cos_theta_d, *values;
 };
@@ -94,11 +95,11 @@ struct kernel_pairs {
 
 typedef void kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_pairs *pairs,
                             size_t n, double *out);
-/* cos theta_d = |H|/2, or 1 - cos theta_d. */
-typedef void kernel_angle_fn(const struct kernel_pairs *pairs, size_t n, double *out);
-/* out = F(angle) factor; factor NULL is 1.  Schlick takes 1 - cos theta_d, the others cos theta_d. */
+/* theta_d in the form that a Fresnel kind takes it, out + low. */
+typedef void kernel_angle_fn(const struct kernel_pairs *pairs, size_t n, double *out, double *low);
+/* out = F(angle + low) factor; factor NULL is 1. */
 typedef void kernel_fresnel_fn(const struct kernel_fresnel *fresnel, const double *angle,
-                               const double *factor, size_t n, double *out);
+                               const double *low, const double *factor, size_t n, double *out);
 /* wi; h and pdf too unless pdf is NULL. */
 typedef void kernel_sample_fn(const struct kernel_surface *surface, facet_vec3_in wo,
                               const double *u1, const double *u2, size_t n, facet_vec3_out wi,
@@ -107,8 +108,8 @@ typedef void kernel_sample_fn(const struct kernel_surface *surface, facet_vec3_i
 struct facet_kernels {
     kernel_eval_fn
         *eval[KERNEL_QUANTITY_COUNT][FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][KERNEL_MASKING_COUNT];
-    kernel_angle_fn *cos_theta_d, *versine_theta_d;
-    kernel_fresnel_fn *fresnel[FACET_FRESNEL_COUNT]; /* IDEAL is NULL */
+    kernel_angle_fn *angle[FACET_FRESNEL_COUNT];     /* IDEAL is NULL */
+    kernel_fresnel_fn *fresnel[FACET_FRESNEL_COUNT];
     kernel_sample_fn *sample[FACET_NDF_COUNT];       /* NULL: no sampler */
 };
 

@@ -171,10 +171,10 @@ INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struc
                            struct direction o, struct half h)
 {
     (void)i;
-    real length = real_sqrt(h.hh), facing_o = h.to_wo / length;
+    real facing_o = (real)0.5 * h.length; /* wo.h, that is cos theta_d */
     if (m.masking == KERNEL_VGROOVE)
         return ratio(density(m, s, h) * facing_o * vgroove_visible(h, o.c), o.c);
-    if (m.masking == KERNEL_NONE) return density(m, s, h) * h.hz / length;
+    if (m.masking == KERNEL_NONE) return density(m, s, h) * h.hz / real_sqrt(h.hh);
     return ratio(density_scaled(m, s, h, o) * facing_o, sigma_scaled(m, s, o));
 }
 
@@ -190,7 +190,7 @@ INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct di
 INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct direction k, struct half h)
 {
     if (m.masking == KERNEL_VGROOVE) return ratio(k.z * vgroove_visible(h, k.c), k.c);
-    if (m.masking == KERNEL_NONE) return real_max(2 * k.z * facing(h), 0);
+    if (m.masking == KERNEL_NONE) return 2 * real_max(k.z, 0) * real_max(facing(h), 0);
     return ratio(k.z, sigma(m, s, k));
 }
 

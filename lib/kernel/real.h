@@ -86,33 +86,20 @@ INLINE real real_from_bits(real_bits i)
     return x;
 }
 
-/* ---- wide: the precision of linear forms --------------------------------------- */
+/* ---- pairs: unevaluated sums hi + lo -------------------------------------------- */
 
-#if REAL_IS_FLOAT
+/* Error-free transformations of Dekker (1971) and Knuth; about 106 bits. */
+typedef struct pair {
+    double hi, lo;
+} pair;
 
-typedef struct wide { double hi; } wide;
-
-INLINE wide wide_sum(double a, double b) { return (wide){ a + b }; }
-INLINE wide wide_product(double a, double b) { return (wide){ a * b }; }
-INLINE wide wide_add(wide a, wide b) { return (wide){ a.hi + b.hi }; }
-INLINE wide wide_scale(wide a, double b) { return (wide){ a.hi * b }; }
-/* a (b + b_low), b_low what the double b lacks. */
-INLINE wide wide_scale2(wide a, double b, double b_low) { (void)b_low; return (wide){ a.hi * b }; }
-INLINE wide wide_product2(double a, double b, double b_low) { (void)b_low; return (wide){ a * b }; }
-INLINE double wide_round(wide a) { return a.hi; }
-
-#else
-
-/* An unevaluated sum hi + lo: error-free transformations of Dekker (1971) and Knuth. */
-typedef struct wide { double hi, lo; } wide;
-
-INLINE wide wide_sum(double a, double b)
+INLINE pair pair_sum(double a, double b)
 {
     double s = a + b, t = s - a;
-    return (wide){ s, (a - (s - t)) + (b - t) };
+    return (pair){ s, (a - (s - t)) + (b - t) };
 }
 
-INLINE double wide_product_error(double a, double b, double p)
+INLINE double product_error(double a, double b, double p)
 {
 #ifdef __FMA__
     return __builtin_fma(a, b, -p);
@@ -124,58 +111,52 @@ INLINE double wide_product_error(double a, double b, double p)
 #endif
 }
 
-INLINE wide wide_product(double a, double b)
+/* a (b + b_low), b_low what the double b lacks. */
+INLINE pair pair_product(double a, double b, double b_low)
 {
     double p = a * b;
-    return (wide){ p, wide_product_error(a, b, p) };
+    return (pair){ p, product_error(a, b, p) + a * b_low };
 }
 
-INLINE wide wide_add(wide a, wide b)
+INLINE pair pair_add(pair a, pair b)
 {
-    wide s = wide_sum(a.hi, b.hi);
-    return (wide){ s.hi, s.lo + (a.lo + b.lo) };
+    pair s = pair_sum(a.hi, b.hi);
+    return (pair){ s.hi, s.lo + (a.lo + b.lo) };
 }
 
-INLINE wide wide_scale2(wide a, double b, double b_low)
-{
-    wide p = wide_product(a.hi, b);
-    return (wide){ p.hi, p.lo + (a.lo * b + a.hi * b_low) };
-}
-
-INLINE wide wide_scale(wide a, double b)
-{
-    return wide_scale2(a, b, 0);
-}
-
-INLINE wide wide_product2(double a, double b, double b_low)
-{
-    wide p = wide_product(a, b);
-    return (wide){ p.hi, p.lo + a * b_low };
-}
-
-INLINE double wide_round(wide a)
+INLINE double pair_round(pair a)
 {
     return a.hi + a.lo;
 }
 
-#endif
+/* ---- wide: the precision of linear forms, a step above real --------------------- */
 
-/*
- * 1 - |H|/2 for unit-sized wi, wo: (4 - |H|^2) / (4 + 2 |H|), |H|^2 with its
- * rounding errors, as the difference cancels near the mirror direction.
- */
-INLINE double versine(wide x, wide y, wide z)
-{
-    wide xx = wide_product(x.hi, x.hi), yy = wide_product(y.hi, y.hi), zz = wide_product(z.hi, z.hi);
-    wide hh = wide_add(wide_add(xx, yy), zz);
-#if !REAL_IS_FLOAT
-    hh.lo += 2 * (x.hi * x.lo + y.hi * y.lo + z.hi * z.lo);
-    double rest = (4 - hh.hi) - hh.lo;
+#if REAL_IS_FLOAT
+
+typedef double wide;
+
+INLINE wide wide_sum(double a, double b) { return a + b; }
+INLINE wide wide_product(double a, double b, double b_low) { (void)b_low; return a * b; }
+INLINE wide wide_add(wide a, wide b) { return a + b; }
+INLINE wide wide_scale(wide a, double b, double b_low) { (void)b_low; return a * b; }
+INLINE double wide_round(wide a) { return a; }
+
 #else
-    double rest = 4 - hh.hi;
-#endif
-    return rest / (4 + 2 * __builtin_sqrt(hh.hi));
+
+typedef pair wide;
+
+INLINE wide wide_sum(double a, double b) { return pair_sum(a, b); }
+INLINE wide wide_product(double a, double b, double b_low) { return pair_product(a, b, b_low); }
+INLINE wide wide_add(wide a, wide b) { return pair_add(a, b); }
+INLINE double wide_round(wide a) { return pair_round(a); }
+
+INLINE wide wide_scale(wide a, double b, double b_low)
+{
+    pair p = pair_product(a.hi, b, b_low);
+    return (pair){ p.hi, p.lo + a.lo * b };
 }
+
+#endif
 
 /*
  * 2^-e with e the exponent of x > 0: brings H to size 1, so that no square of

@@ -39,6 +39,7 @@ struct half {
     real x, y, z;    /* root_det (X, Y, H_z): minus standard slopes times H_z, and H_z */
     real hz;         /* H_z */
     real hh;         /* |H|^2 */
+    real length;     /* |H|, of the H as it is */
     real to_wo;      /* wo . H */
     real scale;      /* the power of two that brought H to size 1 */
 };
@@ -53,18 +54,16 @@ INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel
         k.a = (real)(s->alpha_x * x);
         k.b = (real)(s->alpha_x * y);
     } else {
-        wide a = wide_add(wide_product(s->alpha_x, x), wide_product2(y, s->rho_alpha_y, s->rho_alpha_y_low));
+        wide a = wide_add(wide_product(x, s->alpha_x, 0),
+                          wide_product(y, s->rho_alpha_y, s->rho_alpha_y_low));
         k.a = (real)wide_round(a);
         k.b = (real)(s->kappa_alpha_y * y);
         k.c = k.z;
     }
     if (shape == KERNEL_SHEARED) {
-        wide lean = wide_add(wide_product(-s->slope_x, x), wide_product(-s->slope_y, y));
-        wide c = wide_add(wide_sum(z, lean.hi), (wide){ 0 });
-#if !REAL_IS_FLOAT
-        c.lo += lean.lo;
-#endif
-        k.c = (real)wide_round(c);
+        /* fr cos theta_i vanishes with c_i: its relative error is c's, so c is a pair in every tier. */
+        pair lean = pair_add(pair_product(-s->slope_x, x, 0), pair_product(-s->slope_y, y, 0));
+        k.c = (real)pair_round(pair_add((pair){ z, 0 }, lean));
     }
     k.s2 = k.a * k.a + k.b * k.b;
     return k;
@@ -87,9 +86,9 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
     real hx = (real)(x * e), hy = (real)(y * e);
     h.hz = (real)(z * e);
     h.hh = madd(hx, hx, madd(hy, hy, h.hz * h.hz));
-    /* wo.H = (|H|^2 + (wo - wi).H)/2: the second term vanishes for unit vectors and must not cancel. */
-    h.to_wo = (real)(0.5 * e * (x * x + y * y + z * z +
-                         ((o.x - i.x) * x + (o.y - i.y) * y + (o.z - i.z) * z)));
+    h.length = real_sqrt(h.hh) * (real)(1 / e);
+    pair to_wo = pair_add(pair_product(o.x, x, 0), pair_add(pair_product(o.y, y, 0), pair_product(o.z, z, 0)));
+    h.to_wo = (real)(e * pair_round(to_wo));
     h.z = (real)s->root_det * h.hz;
     if (shape == KERNEL_ISO) {
         h.x = hx;
@@ -99,12 +98,12 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
     wide mean_x = wide_sum(i.x, o.x), mean_y = wide_sum(i.y, o.y);
     if (shape == KERNEL_SHEARED) {
         wide up = wide_sum(i.z, o.z);
-        mean_x = wide_add(mean_x, wide_scale(up, s->slope_x));
-        mean_y = wide_add(mean_y, wide_scale(up, s->slope_y));
+        mean_x = wide_add(mean_x, wide_scale(up, s->slope_x, 0));
+        mean_y = wide_add(mean_y, wide_scale(up, s->slope_y, 0));
     }
     double inverse = e / s->root_det;
-    wide cross = wide_add(wide_scale(mean_y, s->alpha_x),
-                          wide_scale2(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
+    wide cross = wide_add(wide_scale(mean_y, s->alpha_x, 0),
+                          wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
     h.x = (real)(wide_round(mean_x) * s->kappa_alpha_y * inverse);
     h.y = (real)(wide_round(cross) * inverse);
     return h;
