@@ -36,6 +36,11 @@ ISA_avx512 := -mavx512f -mavx512dq -mavx512vl -mavx512bw -mfma -mprefer-vector-w
 endif
 # No contraction (one result on every ISA), never -ffast-math (it breaks NaN handling and error-free sums).
 KFLAGS := -O3 -fopenmp-simd -ffp-contract=off -fno-math-errno -fno-trapping-math
+# Instrumented builds look for faults, not speed: vectorising instrumented loops takes minutes.
+ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
+KFLAGS := -O1 -ffp-contract=off -fno-math-errno -Wno-unknown-pragmas
+ISAS   := $(filter-out avx512,$(ISAS))
+endif
 KERNELS := $(foreach t,$(TIERS),$(foreach i,$(ISAS),$(B)/lib/kernel/$t-$i.o))
 
 # ---- layers: what each may include and link -------------------------------------
@@ -77,7 +82,7 @@ $(B)/%.a:
 define kernel
 $(B)/lib/kernel/$1-$2.o: lib/kernel/kernel.c Makefile
 	@mkdir -p $$(@D)
-	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$2) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_ISA=$2 -MMD -MP -c -o $$@ $$<
+	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$2) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_ISA=$2 -DFACET_ISA_$2=1 -MMD -MP -c -o $$@ $$<
 endef
 $(foreach t,$(TIERS),$(foreach i,$(ISAS),$(eval $(call kernel,$t,$i))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'
@@ -118,7 +123,7 @@ check-layers: $(B)/libfacet.a $(B)/libapi.a
 	@bad=0; \
 	nm -u $(B)/libfacet.a | grep -E ' (json_|exr_|png_|MHD_|api_)' && { echo 'lib reaches up'; bad=1; }; \
 	nm -u $(B)/libapi.a | grep -E ' MHD_' && { echo 'api knows the transport'; bad=1; }; \
-	if [ $(VARIANT) = release ]; then nm -u $(KERNELS) | grep ' U ' && { echo 'a kernel calls out'; bad=1; }; fi; \
+	if [ $(VARIANT) = release ]; then nm -u $(KERNELS) | grep ' U ' | grep -v facet_kernels_ && { echo 'a kernel calls out'; bad=1; }; fi; \
 	nm -g --defined-only $(B)/libfacet.a | awk 'NF==3 && $$3 !~ /^(facet_|_)/ {print "lib exports", $$3; e=1} END {exit !e}' && bad=1; \
 	nm -g --defined-only $(B)/libapi.a | awk 'NF==3 && $$3 !~ /^(api_|_)/ {print "api exports", $$3; e=1} END {exit !e}' && bad=1; \
 	if grep -lE 'json_(object_get|array_get|number_value|real_value|integer_value|string_value|is_true)' api/*.c | grep -vE 'api/(field|json|query)' ; then echo 'JSON is taken apart outside the field tables'; bad=1; fi; \

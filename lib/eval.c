@@ -12,6 +12,7 @@ enum { BLOCK = 512 };
 static kernel_eval_fn *find_loop(const facet_brdf *b, const struct facet_kernels *kernels,
                                  enum kernel_quantity quantity)
 {
+    if (b->material.ndf == FACET_TABULATED) kernels = kernels->base;
     kernel_eval_fn *const(*shapes)[KERNEL_MASKING_COUNT] = kernels->eval[quantity][b->material.ndf];
     kernel_eval_fn *loop = shapes[b->shape][b->masking];
     if (!loop) loop = shapes[KERNEL_SHEARED][b->masking];

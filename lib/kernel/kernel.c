@@ -137,8 +137,10 @@ SAMPLE_LOOP(BECKMANN, )
 
 /* ---- the table --------------------------------------------------------------------------- */
 
+extern const struct facet_kernels TABLE_NAME(FACET_TIER, base);
 extern const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA);
 const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA) = {
+    .base = &TABLE_NAME(FACET_TIER, base),
     .eval = {
 #define EVAL_LOOP(quantity, ndf, shape, masking)                                                \
     [INDEX_##quantity][FACET_##ndf][KERNEL_##shape][KERNEL_##masking] = quantity##_##ndf##_##shape##_##masking,

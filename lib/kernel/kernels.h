@@ -106,6 +106,7 @@ typedef void kernel_sample_fn(const struct kernel_surface *surface, facet_vec3_i
                               facet_vec3_out h, double *pdf);
 
 struct facet_kernels {
+    const struct facet_kernels *base; /* the same tier's kernels for base, which has the table loops */
     kernel_eval_fn
         *eval[KERNEL_QUANTITY_COUNT][FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][KERNEL_MASKING_COUNT];
     kernel_angle_fn *angle[FACET_FRESNEL_COUNT];     /* IDEAL is NULL */
