@@ -63,7 +63,7 @@ INLINE pair angle_versine(pair c2)
     return (pair){ ((1 - c2.hi) - c2.lo) / (1 + __builtin_sqrt(c2.hi)), 0 };
 }
 
-#define ANGLE_LOOP(name)                                                                        \
+#define ANGLE_LOOP(name, has_low)                                                                   \
     static void loop_##name(const struct kernel_pairs *p, size_t n, double *restrict out,       \
                             double *restrict low)                                                   \
     {                                                                                           \
@@ -74,13 +74,13 @@ INLINE pair angle_versine(pair c2)
             struct vec3 i = { ix[k], iy[k], iz[k] }, o = { ox[k], oy[k], oz[k] };               \
             pair angle = angle_##name(cosine_squared(i, o));                                    \
             out[k] = angle.hi;                                                                  \
-            low[k] = angle.lo;                                                                  \
+            if (has_low) low[k] = angle.lo;                                                     \
         }                                                                                       \
     }
 
-ANGLE_LOOP(cosine)
-ANGLE_LOOP(versine)
-ANGLE_LOOP(squared)
+ANGLE_LOOP(cosine, false)
+ANGLE_LOOP(versine, false)
+ANGLE_LOOP(squared, true)
 
 #define FRESNEL_LOOP(name, pragma)                                                              \
     static void loop_##name(const struct kernel_fresnel *fresnel, const double *restrict angle, \

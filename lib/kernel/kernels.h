@@ -95,7 +95,7 @@ struct kernel_pairs {
 
 typedef void kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_pairs *pairs,
                             size_t n, double *out);
-/* theta_d in the form that a Fresnel kind takes it, out + low. */
+/* theta_d in the form that a Fresnel kind takes it: out, and out + low where it is a pair. */
 typedef void kernel_angle_fn(const struct kernel_pairs *pairs, size_t n, double *out, double *low);
 /* out = F(angle + low) factor; factor NULL is 1. */
 typedef void kernel_fresnel_fn(const struct kernel_fresnel *fresnel, const double *angle,
