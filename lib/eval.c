@@ -92,30 +92,54 @@ static void eval_quantity(struct block *k, facet_quantity q, double *const out[3
     colour(k, k->scalar, out, offset);
 }
 
-/*
- * Floats lose products of cosines below this: such a block runs in the precise
- * kernels, so that the promise of FAST holds for every direction.
- */
-#define FAST_COSINE_MIN 0x1p-60
-
-static bool grazing(const double *z, size_t n)
-{
-    size_t count = 0;
-    for (size_t i = 0; i < n; i++) count += (fabs(z[i]) < FAST_COSINE_MIN) & (z[i] != 0);
-    return count > 0;
-}
-
-static const struct facet_kernels *kernels_for_block(facet_tier tier, const struct kernel_pairs *pairs,
-                                                     size_t n)
-{
-    if (tier == FACET_FAST && (grazing(pairs->wi.z, n) || grazing(pairs->wo.z, n)))
-        return facet_kernels_for(FACET_PRECISE);
-    return facet_kernels_for(tier);
-}
-
 static facet_vec3_in shift(facet_vec3_in v, size_t offset)
 {
     return (facet_vec3_in){ v.x + offset, v.y + offset, v.z + offset };
+}
+
+static void eval_block(struct block *k, const facet_outputs *outputs, size_t offset)
+{
+    k->has_angle = false;
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        if (outputs->of[q][0]) eval_quantity(k, (facet_quantity)q, outputs->of[q], offset);
+}
+
+/*
+ * Floats lose products of cosines below this: such pairs are done again by the
+ * precise kernels, so that the promise of FAST holds for every direction.
+ */
+#define FAST_COSINE_MIN 0x1p-60
+
+static bool grazes(double z)
+{
+    return (fabs(z) < FAST_COSINE_MIN) & (z != 0);
+}
+
+static bool any_grazes(const struct kernel_pairs *pairs, size_t n)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++) count += grazes(pairs->wi.z[i]) | grazes(pairs->wo.z[i]);
+    return count > 0;
+}
+
+typedef void block_fn(struct block *block, const facet_outputs *outputs, size_t offset);
+
+/* One block in its tier; fast and grazing pairs once more. */
+static void run_block(struct block *k, facet_tier tier, block_fn *run, const facet_outputs *outputs,
+                      size_t offset)
+{
+    k->kernels = facet_kernels_for(tier);
+    run(k, outputs, offset);
+    if (tier != FACET_FAST || !any_grazes(&k->pairs, k->n)) return;
+    const struct kernel_pairs pairs = k->pairs;
+    const size_t n = k->n;
+    k->kernels = facet_kernels_for(FACET_PRECISE);
+    k->n = 1;
+    for (size_t i = 0; i < n; i++) {
+        if (!grazes(pairs.wi.z[i]) && !grazes(pairs.wo.z[i])) continue;
+        k->pairs = (struct kernel_pairs){ shift(pairs.wi, i), shift(pairs.wo, i) };
+        run(k, outputs, offset + i);
+    }
 }
 
 facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
@@ -127,10 +151,7 @@ facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in w
     for (size_t start = 0; start < n; start += BLOCK) {
         k.n = n - start < BLOCK ? n - start : BLOCK;
         k.pairs = (struct kernel_pairs){ shift(wi, start), shift(wo, start) };
-        k.kernels = kernels_for_block(tier, &k.pairs, k.n);
-        k.has_angle = false;
-        for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-            if (outputs->of[q][0]) eval_quantity(&k, (facet_quantity)q, outputs->of[q], start);
+        run_block(&k, tier, eval_block, outputs, start);
     }
     return FACET_OK;
 }
@@ -152,11 +173,13 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
     return FACET_OK;
 }
 
-/* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
-static void weigh(struct block *k, facet_tier tier, facet_vec3_in wi, double *const weight[3], size_t offset)
+/*
+ * outputs->of[FACET_FR] holds the weights.  The weight is that of the wi handed
+ * out: whoever evaluates there finds the same number.
+ */
+static void weigh_block(struct block *k, const facet_outputs *outputs, size_t offset)
 {
-    k->pairs.wi = wi;
-    k->kernels = kernels_for_block(tier, &k->pairs, k->n);
+    double *const *weight = outputs->of[FACET_FR];
     k->has_angle = false;
     kernel_eval_fn *loop = find_loop(k->brdf, k->kernels, KERNEL_WEIGHT);
     if (achromatic_ideal(k->brdf)) {
@@ -178,7 +201,10 @@ static void draw(struct block *k, facet_tier tier, const double *u1, const doubl
     if (out->h.x) h = (facet_vec3_out){ out->h.x + offset, out->h.y + offset, out->h.z + offset };
     k->kernels->sample[k->brdf->material.ndf](&k->brdf->surface, k->pairs.wo, u1 + offset, u2 + offset,
                                               k->n, wi, h, pdf);
-    if (out->weight[0]) weigh(k, tier, (facet_vec3_in){ wi.x, wi.y, wi.z }, out->weight, offset);
+    if (!out->weight[0]) return;
+    facet_outputs weights = { .of[FACET_FR] = { out->weight[0], out->weight[1], out->weight[2] } };
+    k->pairs.wi = (facet_vec3_in){ wi.x, wi.y, wi.z };
+    run_block(k, tier, weigh_block, &weights, offset);
 }
 
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
