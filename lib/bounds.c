@@ -32,6 +32,12 @@ static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind)
 
 #define DOUBLE_ROUNDING 0x1p-53
 
+/*
+ * Next to a node where a Fresnel table is 0, c counts as no closer to the node
+ * than this share of the cell: no direction but one made for it comes closer.
+ */
+#define FRESNEL_FLOOR 1e-12
+
 /* Rounding of the linear forms of surface.h, relative to their terms: double for fast, double-double else. */
 static double form_rounding(facet_tier tier)
 {
@@ -71,13 +77,13 @@ static double slope_gain(facet_ndf ndf)
     return ndf == FACET_BECKMANN ? 25 : 4;
 }
 
-/* max |dF/dc| / F of the cells: what an error of c costs. */
+/* max |dF/dc| / F over the cells, where an error of c meets an F that is not 0. */
 static double table_steepness(const struct kernel_fresnel *f)
 {
     double worst = 0;
     for (size_t i = 1; i < f->count; i++) {
         double rise = fabs(f->values[i] - f->values[i - 1]);
-        double low = fmin(f->values[i], f->values[i - 1]);
+        double low = fmax(fmin(f->values[i], f->values[i - 1]), rise * FRESNEL_FLOOR);
         if (rise > 0) worst = fmax(worst, rise / (f->cos_theta_d[i] - f->cos_theta_d[i - 1]) / low);
     }
     return worst;
@@ -96,7 +102,7 @@ static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresne
     case FACET_FRESNEL_DIELECTRIC:
     case FACET_FRESNEL_CONDUCTOR:
         return f->excess < 0 ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta, f->k)) : 8 * input_error;
-    case FACET_FRESNEL_TABLE: return (2 * DOUBLE_ROUNDING + input_error) * table_steepness(f);
+    case FACET_FRESNEL_TABLE: return (angle + input_error) * table_steepness(f);
     default: return 0;
     }
 }

@@ -9,8 +9,8 @@
 
 /*
  * Each loop is fed the angle in the form it needs (kernel.c): Schlick 1 - c, the
- * table c, dielectric and conductor c^2 as a pair, because what they take the
- * root of vanishes at the critical angle.
+ * others a pair, because they subtract from it: the table c, dielectric and
+ * conductor c^2, whose difference with 1 - eta^2 vanishes at the critical angle.
  */
 INLINE real fresnel_schlick(const struct kernel_fresnel *f, pair versine)
 {
@@ -69,10 +69,11 @@ INLINE real fresnel_table(const struct kernel_fresnel *f, pair cosine)
         else
             high = middle;
     }
-    double x0 = f->cos_theta_d[low], x1 = f->cos_theta_d[high];
-    double t = (c - x0) / (x1 - x0);
-    t = t < 0 ? 0 : t > 1 ? 1 : t;
-    return (real)((1 - t) * f->values[low] + t * f->values[high]);
+    /* A mean of like signs: exact to rounding even next to a node of value 0. */
+    double after = (c - f->cos_theta_d[low]) + cosine.lo, before = (f->cos_theta_d[high] - c) - cosine.lo;
+    double value = (before * f->values[low] + after * f->values[high]) / (before + after);
+    value = after > 0 ? value : f->values[low];
+    return (real)(before > 0 ? value : f->values[high]);
 }
 
 #endif

@@ -54,7 +54,8 @@ INLINE pair angle_squared(pair c2)
 
 INLINE pair angle_cosine(pair c2)
 {
-    return (pair){ __builtin_sqrt(c2.hi), 0 };
+    double c = __builtin_sqrt(c2.hi), rest = c2.hi - c * c - product_error(c, c, c * c) + c2.lo;
+    return (pair){ c, rest / (2 * (c > DOUBLE_MIN ? c : DOUBLE_MIN)) };
 }
 
 /* 1 - c = (1 - c^2)/(1 + c): the difference cancels near the mirror direction. */
@@ -78,7 +79,7 @@ INLINE pair angle_versine(pair c2)
         }                                                                                       \
     }
 
-ANGLE_LOOP(cosine, false)
+ANGLE_LOOP(cosine, true)
 ANGLE_LOOP(versine, false)
 ANGLE_LOOP(squared, true)
 

@@ -174,7 +174,7 @@ INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struc
     real facing_o = (real)0.5 * h.length; /* wo.h, that is cos theta_d */
     if (m.masking == KERNEL_VGROOVE)
         return ratio(density(m, s, h) * facing_o * vgroove_visible(h, o.c), o.c);
-    if (m.masking == KERNEL_NONE) return density(m, s, h) * h.hz / real_sqrt(h.hh);
+    if (m.masking == KERNEL_NONE) return density(m, s, h) * h.hz / real_max(real_sqrt(h.hh), (real)REAL_MIN);
     return ratio(density_scaled(m, s, h, o) * facing_o, sigma_scaled(m, s, o));
 }
 

@@ -10,28 +10,32 @@
 /* A standard micronormal (not normalised) and what reflection and density need of it. */
 struct normal {
     real x, y, z;
+    real mm;       /* x^2 + y^2 + z^2, or 1 where density is that of slopes (z = 1) */
     real to_wo;    /* (a, b, c) . m, free of cancellation */
-    real density;  /* of m's slopes, over |m|^4 / m_z^4; times exp(v^2) where c < 0 */
+    real density;  /* D = density (hh / (mm root_det))^2; times exp(v^2) where c < 0 */
 };
+
+/* Keeps a direction that sees nothing from giving a normal of length 0. */
+#define NORMAL_MIN (REAL_IS_FLOAT ? (real)1e-15 : (real)1e-140)
 
 /*
  * GGX: spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap
- * of directions above -k'_z; its height over k' is (1 - u2)(1 + k'_z), never a
- * difference.
+ * of directions above -k'_z: m_z = (1 - u2)(1 + k'_z), and the radius of C from
+ * 1 - C_z = u2 (1 + k'_z), 1 + C_z = (1 - k'_z) + (1 - u2)(1 + k'_z), where
+ * 1 +- k'_z, 1 - u2 and their products are never differences.
  */
 INLINE struct normal ggx_sample(struct direction o, double u1, double u2)
 {
     real r = real_sqrt(madd(o.c, o.c, o.s2)), inverse = 1 / real_max(r, (real)REAL_MIN);
-    real height = o.c < 0 ? o.s2 * inverse / real_max(r - o.c, (real)REAL_MIN) : (r + o.c) * inverse;
-    real w = (real)u2 * height, radius = real_sqrt(real_max(w * (2 - w), 0));
+    real large = r + real_abs(o.c), more = large * inverse;
+    real less = o.s2 * inverse / real_max(large, (real)REAL_MIN);
+    real up = o.c < 0 ? less : more, down = o.c < 0 ? more : less;
+    real z = (real)(1 - u2) * up, radius = real_sqrt((real)u2 * up * (down + z));
     struct sin_cos turn = sin_cos_turns((real)u1);
-    struct normal m = { .x = madd(radius, turn.cos, o.a * inverse),
-                        .y = madd(radius, turn.sin, o.b * inverse),
-                        .z = real_max((real)(1 - u2) * height, (real)REAL_MIN) };
-    real mm = madd(m.x, m.x, madd(m.y, m.y, m.z * m.z));
-    m.to_wo = (real)0.5 * r * mm;
-    m.density = (real)ONE_OVER_PI / (mm * mm);
-    return m;
+    real x = madd(radius, turn.cos, o.a * inverse), y = madd(radius, turn.sin, o.b * inverse);
+    z = real_max(z, NORMAL_MIN);
+    real mm = madd(x, x, madd(y, y, z * z));
+    return (struct normal){ x, y, z, mm, (real)0.5 * r * mm, (real)ONE_OVER_PI };
 }
 
 /* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
@@ -89,6 +93,7 @@ INLINE real invert(struct view view, bool back, real u, real complement)
 }
 
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
+#define SLOPE_MAX (REAL_IS_FLOAT ? (real)1e18 : (real)1e150) /* its square is finite */
 #define SLOPE_END (REAL_IS_FLOAT ? (real)6.3 : (real)6.7)
 
 INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
@@ -96,7 +101,7 @@ INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
     real s = real_sqrt(o.s2), safe = real_max(s, (real)REAL_MIN);
     bool back = o.c < 0;
     real area = real_max(sigma_scaled((struct model){ FACET_BECKMANN, KERNEL_SHEARED, KERNEL_SMITH }, NULL, o), (real)REAL_MIN);
-    real v = o.c / safe, end = SLOPE_END;
+    real v = real_max(o.c / safe, -SLOPE_MAX), end = SLOPE_END;
     struct view view = { v, o.c / area, s / area, s / area * psi_x(beckmann_tail(o)) * exp_minus(beckmann_v2(o)), -end, real_min(v, end) };
     if (back) {
         view.low = 0;
@@ -109,7 +114,7 @@ INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
     bool pole = s < (real)REAL_MIN;
     real ca = pole ? 1 : o.a / safe, cb = pole ? 0 : o.b / safe;
     real exponent = back ? madd(y, y, root * (root + 2 * real_abs(v))) : madd(y, y, x * x);
-    return (struct normal){ .x = -madd(x, ca, -y * cb), .y = -madd(x, cb, y * ca), .z = 1,
+    return (struct normal){ .x = -madd(x, ca, -y * cb), .y = -madd(x, cb, y * ca), .z = 1, .mm = 1,
                             .to_wo = back ? s * root : o.c - s * x,
                             .density = exp_minus(exponent) * (real)ONE_OVER_PI };
 }
@@ -129,7 +134,7 @@ INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_sur
     real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = 1 / real_sqrt(hh);
     real twice = 2 * m.to_wo / hh;
     struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
-    real q = hh / (real)s->root_det;
+    real q = hh / (m.mm * (real)s->root_det);
     return (struct sampled){
         .wi_x = madd(twice, hx, -(real)wo.x),
         .wi_y = madd(twice, hy, -(real)wo.y),
