@@ -30,6 +30,7 @@ enum {
  */
 static _Thread_local struct {
     size_t used, limit;
+    bool exhausted; /* the system, not the limit, refused */
 } account;
 
 union block {
@@ -42,7 +43,10 @@ static void *account_alloc(size_t size)
     if (size > account.limit - account.used) return NULL;
     /* Zeroed: a chunk that unpacks to less than it should must not show old memory. */
     union block *block = calloc(1, sizeof *block + size);
-    if (!block) return NULL;
+    if (!block) {
+        account.exhausted = true;
+        return NULL;
+    }
     block->size = size;
     account.used += size;
     return block + 1;
@@ -111,6 +115,7 @@ struct reader {
 
 static enum image_status library_problem(struct reader *r, exr_result_t result)
 {
+    if (account.exhausted) return api_image_problem(r->problem, IMAGE_NO_MEMORY, "out of memory");
     if (result == EXR_ERR_OUT_OF_MEMORY)
         return api_image_problem(r->problem, IMAGE_DAMAGED,
                                  "the EXR asks for more memory than its size warrants");
@@ -460,6 +465,7 @@ enum image_status api_exr_read(const void *bytes, size_t size, const char *chann
     init.max_tile_width = init.max_tile_height = FACET_MAP_SIDE_MAX;
     init.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
     account.used = 0;
+    account.exhausted = false;
     account.limit = SLACK + 2 * size;
     *image = (struct image){.values = NULL};
     const exr_result_t result = exr_start_read(&r.context, "body", &init);
@@ -468,6 +474,8 @@ enum image_status api_exr_read(const void *bytes, size_t size, const char *chann
         status = library_problem(&r, result);
     } else {
         status = read_part(&r, channel, image);
+        /* The library goes on without an attribute it had no memory for. */
+        if (status == IMAGE_OK && account.exhausted) status = library_problem(&r, result);
         if (status == IMAGE_OK) describe(&r, image);
     }
     if (r.context) exr_finish(&r.context);

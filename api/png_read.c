@@ -27,6 +27,7 @@ struct reader {
     unsigned char *rows; /* one row, or all of an interlaced image */
     size_t row_size;
     int passes, samples, depth; /* of a row as it is handed over: 1 or 3 samples of 8 or 16 bits */
+    bool exhausted;             /* the system has no memory */
     bool sound;                 /* no problem but, maybe, one of the library's */
 };
 
@@ -42,7 +43,10 @@ static png_voidp reader_alloc(png_structp png, png_alloc_size_t size)
     struct reader *r = png_get_mem_ptr(png);
     if (size > r->limit - r->used) return NULL;
     union block *block = malloc(sizeof *block + size);
-    if (!block) return NULL;
+    if (!block) {
+        r->exhausted = true;
+        return NULL;
+    }
     block->size = size;
     r->used += size;
     return block + 1;
@@ -68,7 +72,10 @@ static void reader_read(png_structp png, png_bytep to, size_t size)
 static void reader_error(png_structp png, png_const_charp message)
 {
     struct reader *r = png_get_error_ptr(png);
-    api_image_problem(r->problem, IMAGE_DAMAGED, "the PNG cannot be read: %s", message);
+    if (r->exhausted)
+        api_image_problem(r->problem, IMAGE_NO_MEMORY, "out of memory");
+    else
+        api_image_problem(r->problem, IMAGE_DAMAGED, "the PNG cannot be read: %s", message);
     png_longjmp(png, 1);
 }
 
@@ -239,6 +246,9 @@ enum image_status api_png_read(const void *bytes, size_t size, const char *chann
         status = read_all(&r);
     else
         api_image_problem(problem, status, "out of memory");
+    /* libpng goes on without a comment it had no memory for. */
+    if (status == IMAGE_OK && r.exhausted)
+        status = api_image_problem(problem, IMAGE_NO_MEMORY, "out of memory");
     if (status == IMAGE_OK) describe(&r);
     if (r.png) png_destroy_read_struct(&r.png, &r.info, NULL);
     free(r.rows);

@@ -3,6 +3,7 @@
 #include "ask.h"
 #include "check.h"
 #include "endpoint.h"
+#include "exr_file.h"
 
 #include <stdlib.h>
 
@@ -80,4 +81,42 @@ TEST(a_failed_allocation_is_an_answer)
         check_note("allocations", (double)n);
         for (n = 0; n < 5000 && fail_at(api_endpoint(i), n, true); n += 1 + n / 8) continue;
     }
+}
+
+/* The same for the readers and the writer of image files. */
+static bool fail_in_file(const void *body, size_t size, long n)
+{
+    const struct api_request request = {.method = "POST",
+                                        .path = "/v1/leadr",
+                                        .query = "type=half&compression=zip",
+                                        .body = body,
+                                        .body_size = size};
+    struct api_response response;
+    left = n;
+    all_after = hit = false;
+    api_handle(&request, &response);
+    left = -1;
+    if (hit ? response.status != 503 : response.status != 200)
+        check_fail(__FILE__, __LINE__, "%d with allocation %ld failing: %.200s", response.status, n,
+                   response.status == 200 ? "a file" : (char *)response.body);
+    api_response_clear(&response);
+    return hit;
+}
+
+TEST(a_failed_allocation_in_a_file)
+{
+    float heights[70 * 3] = {0, 1, 0, 2};
+    size_t size = 0;
+    unsigned char *exr = exr_file_of_heights(heights, 70, 3, &size);
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    for (long n = 0; exr && n < 5000 && fail_in_file(exr, size, n); n++)
+        check_note("allocations, EXR", (double)n);
+    free(exr);
+    const char *path = check_data("heights/dem/crater_dat.png");
+    void *png = path ? check_read_file(path, &size) : NULL;
+    for (long n = 0; png && n < 5000 && fail_in_file(png, size, n); n++)
+        check_note("allocations, PNG", (double)n);
+    if (!png) check_skip("no shared data");
+    free(png);
 }
