@@ -15,7 +15,7 @@
 /* ---- A pyramid whose every value says where it is ----------------------------------------------
  */
 
-enum { WIDTH = 150, HEIGHT = 77, LEVELS = 8 };
+enum { WIDTH = 150, HEIGHT = 170, LEVELS = 8 };
 
 static float value_at(size_t level, size_t plane, size_t x, size_t y)
 {

@@ -250,6 +250,17 @@ TEST(base_roughness_is_a_process_below)
     CHECK_REL(last->mean.e4, want.e4, 1e-14, 0);
     CHECK_REL(last->mean.e5, want.e5, 1e-14, 0.01);
     CHECK_REL(last->plane[2][0], want.e3, 6.1e-8, 0);
+    CHECK_REL(last->plane[3][0], want.e4, 6.1e-8, 0);
+    CHECK_REL(last->plane[4][0], want.e5, 6.1e-8, 0.01);
+    facet_leadr_destroy(leadr);
+    o.form = FACET_CENTRED;
+    CHECK_INT(facet_leadr_create(&m, &o, NULL, NULL, &leadr), FACET_OK);
+    last = facet_leadr_level_at(leadr, facet_leadr_level_count(leadr) - 1);
+    CHECK_REL(last->plane[0][0], want.e1, 6.1e-8, 0.01);
+    CHECK_REL(last->plane[1][0], want.e2, 6.1e-8, 0.01);
+    CHECK_REL(last->plane[2][0], want.e3 - want.e1 * want.e1, 6.1e-8, 0);
+    CHECK_REL(last->plane[3][0], want.e4 - want.e2 * want.e2, 6.1e-8, 0);
+    CHECK_REL(last->plane[4][0], want.e5 - want.e1 * want.e2, 6.1e-8, 0.01);
     facet_leadr_destroy(leadr);
     free(z);
 }
