@@ -65,10 +65,10 @@ near() {
         exit !(a != "" && d <= b * m) }' || wrong "$1 is not within $3 of $2"
 }
 
-# compute_of ID: what the log says about a request.
+# logged ID: what the log says about a request.
 logged() {
     sleep 0.05
-    grep -a "id=$1 " "$tmp/log" | grep -oE 'us_decode.*' | sed 's/^/  log: /'
+    grep -a "id=$1 " "$tmp/log" | grep -oE 'us_receive.*' | sed 's/^/  log: /'
 }
 
 gold='{"ndf":"ggx","alpha":0.3,"fresnel":{"schlick":{"f0":[0.95,0.64,0.54]}}}'
@@ -94,6 +94,9 @@ ask '"moments"' /v1/material -d '{"material":{"ndf":"beckmann","alpha_1":0.4,"al
 
 echo; echo "== fit"
 ask '"chosen"' /v1/fit -d '{"source":{"ndf":"beckmann","alpha":0.15},"model":"auto","tolerance":0.01}'
+fitted=$(cat "$tmp/answer") # its material goes back as it is
+fitted=${fitted%%,\"error\":*}
+ask '"fr"' /v1/eval -d "$fitted,$pair}"
 csv=$shared/data/brdf/nbrdf/merl_nbrdf.csv
 if [ -r "$csv" ] && [ -r "$shared/tools/make_merl.c" ] &&
     ${CC:-gcc} -O3 -o "$tmp/make_merl" "$shared/tools/make_merl.c" -lm; then

@@ -29,9 +29,9 @@ void api_close(void)
 
 struct api_route api_lookup(const char *method, const char *path, const char *content_type)
 {
-    const bool post = !strcmp(method, "POST");
+    const bool post = !strcmp(method, "POST"), get = !strcmp(method, "GET");
     (void)content_type;
-    if (!post && (!strcmp(path, "/healthz") || !strcmp(path, "/cancelled")))
+    if (get && (!strcmp(path, "/healthz") || !strcmp(path, "/cancelled")))
         return (struct api_route){.found = true};
     if (post && !strcmp(path, "/echo"))
         return (struct api_route){.found = true, .body_max = 1 << 20};

@@ -82,6 +82,8 @@ TEST(sigterm_finishes_what_runs)
     kill(daemon.pid, SIGTERM);
     sleep_ms(100);
     CHECK_INT(daemon_connect(&daemon), -1);
+    char byte;
+    CHECK_INT(recv(idle, &byte, 1, MSG_DONTWAIT), 0); /* ended already */
     CHECK(daemon_read(fd, &answer));
     CHECK_INT(answer.status, 200);
     CHECK_STR(answer.body, "done");
