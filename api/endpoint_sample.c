@@ -5,6 +5,8 @@
 #include "random.h"
 #include "sampler.h"
 
+#include <math.h>
+
 enum { WI, WEIGHT, PDF, H, OUTPUT_COUNT };
 
 static const char *const output_names[] = {"wi", "weight", "pdf", "h", NULL};
@@ -73,6 +75,7 @@ struct job {
     struct plan wo;
     struct pairing pairing; /* first: wo, second: u */
     struct promise promise;
+    double input_error; /* of wo, times facet_closeness of all of them */
     double *from[3], *u[2], *wi[3], *h[3], *weight[3], *pdf;
     struct results results[OUTPUT_COUNT];
     size_t channels, wasted;
@@ -86,7 +89,7 @@ static bool asked(const struct job *job, int output)
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
-    if (!facet_sample_bound(job->surface.brdf, tier, job->wo.input_error, bound)) return false;
+    if (!facet_sample_bound(job->surface.brdf, tier, job->input_error, bound)) return false;
     *bound += job->surface.parameter_error;
     return true;
 }
@@ -189,6 +192,19 @@ static bool compute(struct call *call, struct job *job)
     return true;
 }
 
+/* Every wo that was computed and not sent, before a tier can be chosen. */
+static void find_input_error(struct job *job)
+{
+    double error = job->wo.input_error;
+    facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
+    job->input_error = error;
+    for (size_t i = 0, n; error > 0 && i < job->wo.count; i += n) {
+        n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
+        api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
+        job->input_error = fmax(job->input_error, error * facet_closeness(job->surface.brdf, wo, wo, n, true));
+    }
+}
+
 static bool prepare(struct call *call, struct job *job)
 {
     struct decoder decoder = {call->arena, call->problem};
@@ -204,11 +220,12 @@ static bool prepare(struct call *call, struct job *job)
     if (!job->channels) return false;
     size_t numbers = (asked(job, WI) ? 3 : 0) + (asked(job, WEIGHT) ? job->channels : 0) +
                      asked(job, PDF) + (asked(job, H) ? 3 : 0);
-    if (!api_numbers_fit(job->pairing.count, numbers, call->problem) ||
-        !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
-        return false;
+    if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
+    if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
+    find_input_error(job);
+    if (!api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise)) return false;
     open_results(job, call->arena);
-    return allocate(job, call->arena) || api_problem_memory(call->problem);
+    return true;
 }
 
 static bool handle(struct call *call)

@@ -1,5 +1,7 @@
 #include "evaluate.h"
 
+#include <math.h>
+
 #include "limits.h"
 
 static const bool is_coloured[] = {
@@ -19,7 +21,8 @@ struct job {
     struct surface surface;
     struct pairs pairs;
     struct promise promise;
-    double condition; /* facet_condition of all pairs */
+    double condition;   /* facet_condition of all pairs */
+    double input_error; /* of the directions, times facet_closeness of all pairs */
     size_t channels;
     double *directions[6]; /* wi, wo */
     facet_outputs outputs;
@@ -66,7 +69,7 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         double b;
         if (!asked(job->evaluation, q)) continue;
-        if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, job->pairs.input_error, &b))
+        if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, job->input_error, &b))
             return false;
         b += job->surface.parameter_error;
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
@@ -93,21 +96,27 @@ static bool allocate(struct job *job, struct arena *arena)
     return true;
 }
 
-/* The largest condition of all pairs, before a tier can be chosen; only THESIS has one. */
+/*
+ * What the bound needs to know of all pairs before a tier can be chosen: only
+ * the thesis's shear, and directions that were computed and not sent, need it.
+ */
 static bool find_condition(struct call *call, struct job *job)
 {
+    double start = api_clock(), error = job->pairs.input_error;
     job->condition = 1;
-    if (job->surface.facet.shear != FACET_THESIS) return true;
-    double start = api_clock();
+    job->input_error = error;
+    if (job->surface.facet.shear != FACET_THESIS && error == 0) return true;
     for (size_t i = 0, n; i < job->pairs.pairing.count; i += n) {
         double condition;
         n = chunk_of(job, i);
         if (!api_still_wanted(call)) return false;
         api_pairs_fill(&job->pairs, i, n, job->directions);
-        facet_status status = facet_condition(job->surface.brdf, in(job->directions),
-                                              in(job->directions + 3), n, &condition);
+        facet_vec3_in wi = in(job->directions), wo = in(job->directions + 3);
+        facet_status status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         if (status) return api_problem_status(call->problem, status, NULL);
-        if (!(condition <= job->condition)) job->condition = condition;
+        job->condition = fmax(job->condition, condition);
+        double closeness = facet_closeness(job->surface.brdf, wi, wo, n, !job->pairs.is_half);
+        if (error > 0) job->input_error = fmax(job->input_error, error * closeness);
     }
     call->response->trace.compute_us += api_clock() - start;
     return true;

@@ -69,12 +69,13 @@ static double input_condition(const facet_brdf *b)
 }
 
 /*
- * d log D / d log slope: 4 for GGX and for what is tabulated.  Beckmann's
- * exponent t has 2 sqrt(t), t <= 150 wherever the result passes FACET_FLOOR.
+ * d log D / d log slope, for errors in both of wi and wo: 2 x 4 for GGX and for
+ * what is tabulated.  Beckmann's exponent t has 2 x 2 sqrt(t), t <= 150 wherever
+ * the result passes FACET_FLOOR.
  */
 static double slope_gain(facet_ndf ndf)
 {
-    return ndf == FACET_BECKMANN ? 25 : 4;
+    return ndf == FACET_BECKMANN ? 50 : 8;
 }
 
 /* max |dF/dc| / F over the cells, where an error of c meets an F that is not 0. */
@@ -101,7 +102,7 @@ static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresne
     case FACET_FRESNEL_SCHLICK: return 5 * (angle + input_error) / pow(fmax(f->f0, 1e-45), 0.2);
     case FACET_FRESNEL_DIELECTRIC:
     case FACET_FRESNEL_CONDUCTOR:
-        return f->excess < 0 ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta, f->k)) : 8 * input_error;
+        return f->excess < 0 ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta * f->eta, f->k)) : 8 * input_error;
     case FACET_FRESNEL_TABLE: return (angle + input_error) * table_steepness(f);
     default: return 0;
     }

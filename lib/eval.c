@@ -108,7 +108,7 @@ static void eval_block(struct block *k, const facet_outputs *outputs, size_t off
  * Floats lose products of cosines below this: such pairs are done again by the
  * precise kernels, so that the promise of FAST holds for every direction.
  */
-#define FAST_COSINE_MIN 0x1p-60
+#define FAST_COSINE_MIN 0x1p-40
 
 static bool grazes(double z)
 {
@@ -171,6 +171,22 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
         for (size_t i = 0; i < size; i++) *condition = fmax(*condition, out[i]);
     }
     return FACET_OK;
+}
+
+double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                       bool exact_z)
+{
+    const struct kernel_surface *s = &brdf->surface;
+    bool leans = brdf->shape == KERNEL_SHEARED;
+    double least = 1;
+    for (size_t i = 0; i < n; i++) {
+        double x = wi.x[i] + wo.x[i], y = wi.y[i] + wo.y[i], z = wi.z[i] + wo.z[i];
+        double ci = wi.z[i] - wi.x[i] * s->slope_x - wi.y[i] * s->slope_y;
+        double co = wo.z[i] - wo.x[i] * s->slope_x - wo.y[i] * s->slope_y;
+        least = fmin(least, sqrt(x * x + y * y + z * z));
+        if (leans || !exact_z) least = fmin(least, fmin(fabs(ci), fabs(co)));
+    }
+    return least > 0 ? 1 / least : INFINITY;
 }
 
 /*

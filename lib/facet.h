@@ -178,15 +178,16 @@ typedef enum facet_quantity {
 
 /*
  * The bound promised for one quantity of this material.  input_error: absolute
- * error of the direction components handed over, 0 when they are the caller's
- * own numbers.  False where the tier promises nothing.
+ * error of the direction components handed over times facet_closeness of them,
+ * 0 when they are the caller's own numbers.  False where the tier promises
+ * nothing.
  */
 bool facet_bound(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity,
                  double input_error, double *bound);
 
 /*
- * The same for facet_sample: weight and pdf relative as above; the components
- * of wi and h absolute, that is with a floor of 1.
+ * The same for facet_sample: pdf relative as above; the components of wi and h
+ * absolute, that is with a floor of 1; the weight is that of a wi within the bound.
  */
 bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, double input_error, double *bound);
 
@@ -234,6 +235,16 @@ facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in w
  */
 facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                              double *condition);
+
+/*
+ * How close these pairs come to where an error in the directions outgrows every
+ * bound: the largest 1 / min(1, |H|, |c_i|, |c_o|), c the cosine with the mean
+ * facet.  facet_bound's input_error is to be multiplied by it.  exact_z: the z
+ * components are right to rounding (as from angles), so that z itself is no such
+ * place.
+ */
+double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                       bool exact_z);
 
 /* ---- Sample ------------------------------------------------------------------- */
 

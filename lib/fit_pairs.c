@@ -134,6 +134,7 @@ facet_status facet_fit_pairs_model(struct fit_pairs *pairs, const facet_material
 /* Newton's steps on a Fresnel value, and the step that ends them. */
 enum { FRESNEL_STEPS = 12 };
 #define FRESNEL_STEP_MIN 1e-10
+#define FRESNEL_LEAST 1e-4 /* of the largest value of a channel */
 
 /*
  * One value F for the pairs first .. end - 1: the mean ratio of source and model
@@ -182,6 +183,17 @@ static bool fill_gaps(double *value, size_t n)
     return true;
 }
 
+/*
+ * Data that fade to 0 (a channel without light, grazing angles) say "dark", not
+ * "black": next to a node of 0 no relative error could be promised for F.
+ */
+static void keep_above_zero(double *value, size_t n)
+{
+    double largest = 0;
+    for (size_t i = 0; i < n; i++) largest = fmax(largest, value[i]);
+    for (size_t i = 0; i < n; i++) value[i] = fmax(value[i], FRESNEL_LEAST * largest);
+}
+
 bool facet_fit_fresnel_table(const struct fit_pairs *pairs, double *const values[3])
 {
     for (size_t c = 0; c < pairs->channels; c++) {
@@ -193,6 +205,7 @@ bool facet_fit_fresnel_table(const struct fit_pairs *pairs, double *const values
             first = end;
         }
         if (!fill_gaps(values[c], pairs->groups)) return false;
+        keep_above_zero(values[c], pairs->groups);
     }
     return true;
 }
