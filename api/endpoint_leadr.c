@@ -34,8 +34,8 @@ static const struct field request_fields[] = {
     {MEMBER(struct leadr_request, scale), FIELD_NUMBER, FIELD_DEFAULT, .min = -1e12, .max = 1e12,
      .initial = 1, .doc = "multiplies the heights; those of a PNG lie in [0, 1]"},
     {MEMBER(struct leadr_request, texel), FIELD_NUMBER, .min = 0, .max = 1e12, .open_min = true,
-     .doc =
-         "edge of a texel in the unit of the scaled heights; default 1/width: the map is 1 wide"},
+     .doc = "edge of a (square) texel in the unit of the scaled heights; default 1/width: the map "
+            "is 1 wide"},
     {MEMBER(struct leadr_request, stencil), FIELD_ENUM, FIELD_DEFAULT, .names = api_stencils,
      .doc = "slopes from heights: central differences, forward differences, or the exact moments "
             "of the bilinear surface through the texels"},

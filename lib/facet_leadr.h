@@ -23,7 +23,7 @@ typedef struct facet_moments {
 } facet_moments;
 
 /*
- * Beckmann roughness to moments (Dupuy eqs. 3.10-3.14): E3 = alpha_x^2/2 +
+ * Beckmann roughness to moments (Dupuy eqs. 3.5-3.9): E3 = alpha_x^2/2 +
  * E1^2 and so on.  Exact but for rounding.
  */
 facet_moments facet_moments_from_roughness(const facet_roughness *roughness);
@@ -67,7 +67,7 @@ typedef struct facet_height_map {
 
 /*
  * How slopes come from heights: the stencil is a model of the surface.
- * CENTRAL  (z[p+1] - z[p-1]) / 2 at each texel (Dupuy section 3.5); blind to
+ * CENTRAL  (z[p+1] - z[p-1]) / 2 at each texel (Dupuy section 3.4); blind to
  *          the finest waves, so it sees the least variance.
  * FORWARD  z[p+1] - z[p] at each texel.
  * BILINEAR the exact moments over the cell [p, p+1] x [q, q+1] of the bilinear
@@ -146,7 +146,7 @@ typedef struct facet_leadr facet_leadr;
  * Filter a height map.  Level i is max(1, width >> i) x max(1, height >> i);
  * each of its texels is the mean of its footprint of level 0 (texels that
  * straddle two footprints are split by area), summed in double.
- * Memory: 27 bytes per texel for the planes, 10 more while working.
+ * Memory: 27 bytes per texel for the planes, 13 more while working.
  * BAD_SIZE: sides or product beyond the limits above, or too small for TRIM.
  * BAD_DATA: heights that are not finite (*flaw, which may be NULL, says where),
  * or slopes too steep for the storage type (flaw->count is 0 then).

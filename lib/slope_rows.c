@@ -1,4 +1,4 @@
-/* slope_rows.c - heights to slopes to moments: stencils and borders (Dupuy section 3.5). */
+/* slope_rows.c - heights to slopes to moments: stencils and borders (Dupuy section 3.4). */
 #include "slope_rows.h"
 
 #include <math.h>
