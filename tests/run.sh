@@ -62,7 +62,7 @@ check() {
 
 cases() {
     FACET_DAEMON_LOG=$PWD/build/test/$1.daemon.log build/release/tests/client/facet_client \
-        --daemon "build/$1/facetd" --cases tests/client/cases --jobs "$jobs" \
+        --daemon "build/$1/facetd" --cases tests/client/cases --jobs 8 \
         --report "build/test/$1.cases.jsonl" | sed "s|^\(ok\|FAIL\|skip\) client/|&$1/|"
     sanitizer "$1"
 }
@@ -83,6 +83,11 @@ sanitizer() {
     fi
 }
 
+# Up to date after the checks of their variants; here for who runs single steps.
+daemons() {
+    build VARIANT=asan && build VARIANT=tsan
+}
+
 demo() {
     make -s demo && echo "ok demo"
 }
@@ -95,11 +100,12 @@ step gcc          check
 step clang        check VARIANT=clang CHECK_ISAS=best
 step asan         env FACET_TEST_SCALE=0.1 make -s -j"$jobs" check VARIANT=asan CHECK_ISAS=best
 step tsan         env FACET_TEST_SCALE=0.05 make -s -j"$jobs" check VARIANT=tsan CHECK_ISAS=best
-step daemons      build VARIANT=asan
+step daemons      daemons
 step cases        cases release
 step abuse        abuse release yes
 step cases-asan   cases asan
 step abuse-asan   abuse asan no
+step cases-tsan   cases tsan
 step demo         demo
 step texts        tests/texts.sh
 
