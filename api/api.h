@@ -51,7 +51,7 @@ struct api_response {
 /* What the server must know before the body arrives. */
 struct api_route {
     bool found;       /* false: api_handle will answer 404 or 405, whatever the body */
-    bool is_long;     /* run on a worker, not on the network thread */
+    bool is_long;     /* run on a worker, not on the network thread, unless api_is_short */
     size_t body_max;  /* larger bodies: api_refuse with 413 */
 };
 
@@ -60,6 +60,12 @@ bool api_open(void);
 void api_close(void);
 
 struct api_route api_lookup(const char *method, const char *path, const char *content_type);
+
+/*
+ * Of a long route, with the body: whether this request is so small that it takes less than about a
+ * millisecond and may be answered at once.  Costs one pass over a few KiB; in doubt false.
+ */
+bool api_is_short(const struct api_request *request);
 
 /* Always fills the response; out of memory gives a 503 with a static-sized body. */
 void api_handle(const struct api_request *request, struct api_response *response);

@@ -40,6 +40,7 @@ struct endpoint {
     const struct medium *bodies; /* besides JSON; ended by a NULL type; may be NULL */
     const char *const *answers;  /* media types besides JSON; NULL-terminated; may be NULL */
     bool is_long;
+    bool grows_by_words; /* a small body is short work unless it says one of router.c's words */
     const char *example; /* a request body that works */
     /* True: done (out filled, or api_answer_raw called).  False: call->problem is set. */
     bool (*handle)(struct call *call);

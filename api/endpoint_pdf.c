@@ -63,6 +63,7 @@ const struct endpoint api_endpoint_pdf = {
     .response = response_fields,
     .response_size = sizeof(struct pdf_response),
     .is_long = true,
+    .grows_by_words = true,
     .example = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wi\":[[0.6,0,0.8]],"
                "\"wo\":[[-0.6,0,0.8]]}",
     .handle = handle,

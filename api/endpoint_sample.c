@@ -260,6 +260,7 @@ const struct endpoint api_endpoint_sample = {
     .response = response_fields,
     .response_size = sizeof(struct sample_response),
     .is_long = true,
+    .grows_by_words = true,
     .example = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]],"
                "\"u\":[[0.25,0.5],[0.5,0.75]]}",
     .handle = handle,

@@ -94,6 +94,34 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
     };
 }
 
+/* What makes a few bytes much work: descriptions of directions, every pair, samples by number, tables. */
+static const char *const growing_words[] = {"grid", "random", "outer", "n", "slopes", "table"};
+
+/* An escape could spell any word: it counts as one. */
+static bool says_growing_word(const char *body, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        if (body[i] == '\\') return true;
+        if (body[i] != '"') continue;
+        for (size_t k = 0; k < sizeof growing_words / sizeof *growing_words; k++) {
+            size_t n = strlen(growing_words[k]);
+            if (size - i > n + 1 && body[i + n + 1] == '"' &&
+                !memcmp(body + i + 1, growing_words[k], n))
+                return true;
+        }
+    }
+    return false;
+}
+
+bool api_is_short(const struct api_request *request)
+{
+    enum { SHORT_BODY_MAX = 2048 }; /* at most 340 directions: well below a millisecond */
+    const struct endpoint *endpoint = find(request->method, request->path);
+    return endpoint && endpoint->grows_by_words && request->body_size <= SHORT_BODY_MAX &&
+           !(request->query && *request->query) &&
+           !says_growing_word(request->body, request->body_size);
+}
+
 /* ---- The body ---------------------------------------------------------------------------- */
 
 /* Types a client sends without meaning them: curl -d, curl --data-binary, fetch with a Blob. */

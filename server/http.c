@@ -16,9 +16,8 @@
 enum {
     CONNECTION_MEMORY = 65536, /* headers, and the piece in which bodies arrive */
     MEMORY_INCREMENT = 16384,
-    INLINE_BODY_MAX = 16384, /* larger bodies take about a millisecond to decode: to a worker */
-    DROP_BODY_MAX = 65536,   /* of a refused request: read, so that the connection survives */
-    LINGER_US = 2000000      /* for a client to read an answer sent amid its upload */
+    DROP_BODY_MAX = 65536, /* of a refused request: read, so that the connection survives */
+    LINGER_US = 2000000    /* for a client to read an answer sent amid its upload */
 };
 
 struct http {
@@ -151,7 +150,7 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
     struct request *request = &client->request;
     request->received_us = clock_us();
     request->deadline_us = request->received_us + seconds(http->options->deadline);
-    if (!request->route.is_long && request->body_size <= INLINE_BODY_MAX) {
+    if (request_is_short(request)) {
         request_run(request);
         return answer(http, client);
     }

@@ -122,9 +122,9 @@ static bool is_cancelled(void *user)
     return true;
 }
 
-void request_run(struct request *request)
+static struct api_request call_of(struct request *request)
 {
-    const struct api_request call = {
+    return (struct api_request){
         /* HEAD is GET whose body is not sent: RFC 9110 section 9.3.2 */
         .method = strcmp(request->method, "HEAD") ? request->method : "GET",
         .path = request->path,
@@ -136,6 +136,19 @@ void request_run(struct request *request)
         .cancelled = is_cancelled,
         .user = request,
     };
+}
+
+bool request_is_short(struct request *request)
+{
+    enum { INLINE_BODY_MAX = 16384 }; /* more takes about a millisecond to decode */
+    const struct api_request call = call_of(request);
+    if (request->route.is_long) return api_is_short(&call);
+    return request->body_size <= INLINE_BODY_MAX;
+}
+
+void request_run(struct request *request)
+{
+    const struct api_request call = call_of(request);
     request->began_us = clock_us();
     if (!is_cancelled(request)) api_handle(&call, &request->response);
     request->ended_us = clock_us();

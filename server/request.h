@@ -59,6 +59,9 @@ enum request_body { BODY_OK, BODY_TOO_LARGE, BODY_NO_MEMORY };
 enum request_body request_add_body(struct request *request, const void *data, size_t size,
                                    struct body_budget *budget);
 
+/* Whether the network thread may answer it, with the body complete. */
+bool request_is_short(struct request *request);
+
 /* Calls the API and fills the response; on any thread. */
 void request_run(struct request *request);
 

@@ -41,6 +41,12 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
     return (struct api_route){0};
 }
 
+bool api_is_short(const struct api_request *request)
+{
+    (void)request;
+    return false;
+}
+
 static long parameter(const struct api_request *request, const char *name)
 {
     const char *at = strstr(request->query, name);

@@ -101,6 +101,35 @@ TEST(lookup_tells_the_server_what_to_expect)
     CHECK(!api_lookup("GET", "/v1/eval", NULL).found);
 }
 
+TEST(small_requests_are_short_work)
+{
+    static const struct {
+        const char *path, *query, *body;
+        bool is_short;
+    } cases[] = {
+        {"/v1/eval", "", "{\"wi\":[[0,0,1]]}", true},
+        {"/v1/sample", NULL, "{\"u\":[[0.5,0.5]]}", true},
+        {"/v1/eval", "", "{\"wi\":{\"grid\":{\"theta\":9,\"phi\":9}}}", false},
+        {"/v1/eval", "", "{\"pairing\": \"outer\"}", false},
+        {"/v1/eval", "", "{\"wi\":{\"gr\\u0069d\":{\"theta\":9,\"phi\":9}}}", false},
+        {"/v1/sample", "", "{\"n\":1000000}", false},
+        {"/v1/sample", "n=1000000", "{}", false},
+        {"/v1/fit", "", "{}", false},
+        {"/v1/eval", "", "{\"n", true},
+        {"/v1/nothing", "", "{}", false},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct api_request request = {.method = "POST", .path = cases[i].path,
+                                      .query = cases[i].query, .body = cases[i].body,
+                                      .body_size = strlen(cases[i].body)};
+        if (api_is_short(&request) != cases[i].is_short)
+            check_fail(__FILE__, __LINE__, "%s %s", cases[i].path, cases[i].body);
+    }
+    static char large[2049] = "{";
+    CHECK(!api_is_short(&(struct api_request){
+        .method = "POST", .path = "/v1/eval", .body = large, .body_size = sizeof large}));
+}
+
 TEST(bodies_larger_than_the_limit)
 {
     size_t size = LIMIT_JSON_BODY + 1;
