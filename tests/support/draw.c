@@ -10,7 +10,7 @@ const struct draw_domain draw_everywhere = {
     .alpha_max = FACET_ALPHA_MAX,
     .rho_max = FACET_RHO_MAX,
     .slope_max = FACET_MEAN_SLOPE_MAX,
-    .cosine_min = 1e-30,
+    .cosine_min = 1e-9,
     .below = true,
 };
 

@@ -1,0 +1,146 @@
+/* Whatever facet.h allows in: no NaN, nothing negative, nothing infinite that should not be. */
+#include "../accuracy/reference.h"
+#include "check.h"
+#include "draw.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { N = 24 };
+
+static const char *const names[] = {
+#define QUANTITY(id, name, coloured, doc) name,
+#include "quantities.def"
+#undef QUANTITY
+};
+
+static facet_material any_material(struct rng *rng)
+{
+    facet_material m = {.ndf = rng_uniform(rng) < 0.5 ? FACET_GGX : FACET_BECKMANN};
+    m.masking = (facet_masking)(int)(rng_uniform(rng) * FACET_MASKING_COUNT);
+    if (m.masking <= FACET_SMITH_UNCORRELATED)
+        m.shear = rng_uniform(rng) < 0.5 ? FACET_ENERGY_SAFE : FACET_THESIS;
+    draw_roughness(rng, &draw_everywhere, &m.roughness);
+    if (rng_uniform(rng) < 0.2) m.roughness.alpha_x = FACET_ALPHA_MIN;
+    if (rng_uniform(rng) < 0.2) m.roughness.alpha_y = FACET_ALPHA_MAX;
+    if (rng_uniform(rng) < 0.1) m.roughness.rho = -FACET_RHO_MAX;
+    if (rng_uniform(rng) < 0.1) m.roughness.slope_x = -FACET_MEAN_SLOPE_MAX;
+    draw_fresnel(rng, (facet_fresnel_kind)(int)(rng_uniform(rng) * FACET_FRESNEL_COUNT),
+                 &m.fresnel);
+    return m;
+}
+
+static void hard_pair(struct rng *rng, const facet_material *m, size_t k, double wi[3],
+                      double wo[3])
+{
+    draw_pair(rng, &draw_everywhere, m, wi, wo);
+    switch (k) {
+    case 0:
+        memcpy(wi, wo, 3 * sizeof *wi);
+        break; /* equal */
+    case 1:    /* opposite */
+        for (int j = 0; j < 3; j++) wi[j] = -wo[j];
+        break;
+    case 2: /* both on the horizon */
+        wi[0] = -(wo[0] = 1), wi[1] = wo[1] = wi[2] = wo[2] = 0;
+        break;
+    case 3: /* both on the pole */
+        wi[0] = wo[0] = wi[1] = wo[1] = 0, wi[2] = wo[2] = 1;
+        break;
+    case 4:
+        wo[2] = 1e-30;
+        break;
+    case 5:
+        wi[2] = 5e-324;
+        break;
+    case 6: /* both below */
+        wi[0] = wo[0] = wi[1] = wo[1] = 0, wi[2] = wo[2] = -1;
+        break;
+    default:
+        break;
+    }
+}
+
+/* Largest true value that must come out finite: float overflows past 3e38. */
+static double finite_up_to(facet_tier tier)
+{
+    return tier == FACET_PRECISE ? 1e300 : 1e37;
+}
+
+TEST(evaluation_stays_finite)
+{
+    struct rng rng;
+    rng_seed(&rng, 21);
+    for (size_t round = draw_count(2000); round--;) {
+        facet_material m = any_material(&rng);
+        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        static double i[3][N], o[3][N], y[FACET_QUANTITY_COUNT][N];
+        for (size_t k = 0; k < N; k++) {
+            double wi[3], wo[3];
+            hard_pair(&rng, &m, k, wi, wo);
+            for (int j = 0; j < 3; j++) {
+                i[j][k] = wi[j];
+                o[j][k] = wo[j];
+            }
+        }
+        facet_brdf *brdf = NULL;
+        facet_outputs outputs;
+        memset(&outputs, 0, sizeof outputs);
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = y[q];
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        if (!brdf) continue;
+        CHECK_INT(facet_eval(brdf, tier, (facet_vec3_in){i[0], i[1], i[2]},
+                             (facet_vec3_in){o[0], o[1], o[2]}, N, &outputs),
+                  FACET_OK);
+        facet_brdf_destroy(brdf);
+        for (size_t k = 0; k < N; k++) {
+            const double wi[3] = {i[0][k], i[1][k], i[2][k]}, wo[3] = {o[0][k], o[1][k], o[2][k]};
+            struct reference x;
+            bool known = false;
+            for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+                double got = y[q][k];
+                if (got >= 0 && got <= 1e300) continue;
+                if (!known) reference_eval(&m, wi, wo, &x);
+                known = true;
+                if (got > 0 && x.of[q][0] > finite_up_to(tier)) continue;
+                if (got > 0 && x.condition > 1e6) continue;
+                check_fail(__FILE__, __LINE__,
+                           "%s is %g, not %g, %s\n    %s\n    wi {%.17g, %.17g, %.17g} wo {%.17g, "
+                           "%.17g, %.17g}",
+                           names[q], got, (double)x.of[q][0], facet_tier_name(tier), draw_text(&m),
+                           wi[0], wi[1], wi[2], wo[0], wo[1], wo[2]);
+            }
+        }
+    }
+}
+
+/* What is refused is refused at creation, by its own status, and nothing is made. */
+TEST(materials_out_of_range_are_refused)
+{
+    static const double nan = NAN;
+    const struct {
+        facet_roughness r;
+        facet_status status;
+    } cases[] = {
+        {{0, 1, 0, 0, 0}, FACET_BAD_ALPHA},        {{1, -1, 0, 0, 0}, FACET_BAD_ALPHA},
+        {{nan, 1, 0, 0, 0}, FACET_BAD_ALPHA},      {{1, INFINITY, 0, 0, 0}, FACET_BAD_ALPHA},
+        {{0.99e-8, 1, 0, 0, 0}, FACET_BAD_ALPHA},  {{1, 1.01e4, 0, 0, 0}, FACET_BAD_ALPHA},
+        {{1, 1, 1, 0, 0}, FACET_BAD_RHO},          {{1, 1, -1, 0, 0}, FACET_BAD_RHO},
+        {{1, 1, nan, 0, 0}, FACET_BAD_RHO},        {{1, 1, 0, 1.1e6, 0}, FACET_BAD_MEAN_SLOPE},
+        {{1, 1, 0, 0, nan}, FACET_BAD_MEAN_SLOPE},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        facet_material m = {.roughness = cases[k].r, .fresnel = {.channels = 1}};
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), cases[k].status);
+        CHECK(!brdf);
+    }
+    facet_material thesis = {.roughness = {1, 1, 0, 0, 0}, .fresnel = {.channels = 1}};
+    thesis.masking = FACET_VGROOVE;
+    thesis.shear = FACET_THESIS;
+    facet_brdf *brdf = NULL;
+    CHECK_INT(facet_brdf_create(&thesis, &brdf), FACET_UNSUPPORTED);
+    CHECK(!brdf);
+    facet_brdf_destroy(NULL);
+}
