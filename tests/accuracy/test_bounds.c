@@ -178,7 +178,7 @@ static void walk(const struct draw_domain *domain, size_t materials, facet_tier 
                     draw_roughness(&rng, domain, &m.roughness);
                     draw_fresnel(&rng, (facet_fresnel_kind)row.fresnel, &m.fresnel);
                     for (int c = 0; c < 3 && forced > 0; c++)
-                        m.fresnel.eta[c] = fmax(m.fresnel.eta[c], 0.01);
+                        m.fresnel.eta[c] = fmax(m.fresnel.eta[c], 0.1);
                     facet_brdf *brdf = NULL;
                     CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
                     if (!brdf) continue;
