@@ -192,8 +192,16 @@ def directions(spec):
 
 
 def pairs(request):
-    if 'h' in request:  # Rusinkiewicz: wi = reflection of wo about h, in the frame of h
-        raise ValueError('h, d: written by hand')
+    if 'h' in request:  # Rusinkiewicz: wi = Rz(phi_h) Ry(theta_h) d, wo = wi mirrored at h
+        out = []
+        for h, d in zip(directions(request['h']), directions(request['d'])):
+            h, d = [x / length(h) for x in h], [x / length(d) for x in d]
+            t, p = atan2(sqrt(h[0]**2 + h[1]**2), h[2]), atan2(h[1], h[0])
+            x, y, z = d[0] * cos(t) + d[2] * sin(t), d[1], d[2] * cos(t) - d[0] * sin(t)
+            wi = [x * cos(p) - y * sin(p), x * sin(p) + y * cos(p), z]
+            dot = 2 * sum(a * b for a, b in zip(wi, h))
+            out.append((wi, [dot * a - b for a, b in zip(h, wi)]))
+        return out
     wi, wo = directions(request['wi']), directions(request['wo'])
     if request.get('pairing') == 'outer':
         return [(i, o) for i in wi for o in wo]
