@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/wait.h>
@@ -54,6 +55,7 @@ static int spawn(const char *program, const char *const *flags, const char *log,
     fflush(stdout);
     *pid = fork();
     if (*pid == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL); /* no daemon outlives a test that was killed */
         int err = open(log, O_WRONLY | O_CREAT | O_TRUNC, 0600);
         dup2(ends[1], STDOUT_FILENO);
         if (err >= 0) dup2(err, STDERR_FILENO);
