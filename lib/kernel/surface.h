@@ -101,11 +101,11 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
         mean_x = wide_add(mean_x, wide_scale(up, s->slope_x, 0));
         mean_y = wide_add(mean_y, wide_scale(up, s->slope_y, 0));
     }
-    double inverse = e / s->root_det;
+    double inverse = 1 / s->root_det; /* e goes first: e / root_det overflows where H is subnormal */
     wide cross = wide_add(wide_scale(mean_y, s->alpha_x, 0),
                           wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
-    h.x = (real)(wide_round(mean_x) * s->kappa_alpha_y * inverse);
-    h.y = (real)(wide_round(cross) * inverse);
+    h.x = (real)(wide_round(mean_x) * e * (s->kappa_alpha_y * inverse));
+    h.y = (real)(wide_round(cross) * e * inverse);
     return h;
 }
 
