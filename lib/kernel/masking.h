@@ -190,7 +190,7 @@ INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct di
 INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct direction k, struct half h)
 {
     if (m.masking == KERNEL_VGROOVE) return ratio(k.z * vgroove_visible(h, k.c), k.c);
-    if (m.masking == KERNEL_NONE) return 2 * real_max(k.z, 0) * real_max(real_min(facing(h), (real)REAL_MAX), 0);
+    if (m.masking == KERNEL_NONE) return 2 * real_max(k.z, 0) * real_min(real_max(facing(h), 0), (real)(REAL_MAX / 4));
     return ratio(k.z, sigma(m, s, k));
 }
 
