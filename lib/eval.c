@@ -110,7 +110,7 @@ static void eval_block(struct block *k, const facet_outputs *outputs, size_t off
  */
 #define FAST_COSINE_MIN 0x1p-40
 
-static bool grazes(double z)
+static int grazes(double z)
 {
     return (fabs(z) < FAST_COSINE_MIN) & (z != 0);
 }
