@@ -105,20 +105,23 @@ static void eval_block(struct block *k, const facet_outputs *outputs, size_t off
 }
 
 /*
- * Floats lose products of cosines below this: such pairs are done again by the
- * precise kernels, so that the promise of FAST holds for every direction.
+ * Floats lose products of cosines below the first and powers of |H| below the
+ * second: such pairs are done again by the precise kernels, so that the promise
+ * of FAST holds for every direction.
  */
 #define FAST_COSINE_MIN 0x1p-40
+#define FAST_HALF_MIN 0x1p-20
 
-static int grazes(double z)
+static int grazes(double zi, double zo)
 {
-    return (fabs(z) < FAST_COSINE_MIN) & (z != 0);
+    return ((fabs(zi) < FAST_COSINE_MIN) & (zi != 0)) | ((fabs(zo) < FAST_COSINE_MIN) & (zo != 0)) |
+           (fabs(zi + zo) < FAST_HALF_MIN);
 }
 
 static bool any_grazes(const struct kernel_pairs *pairs, size_t n)
 {
     size_t count = 0;
-    for (size_t i = 0; i < n; i++) count += grazes(pairs->wi.z[i]) | grazes(pairs->wo.z[i]);
+    for (size_t i = 0; i < n; i++) count += grazes(pairs->wi.z[i], pairs->wo.z[i]);
     return count > 0;
 }
 
@@ -136,7 +139,7 @@ static void run_block(struct block *k, facet_tier tier, block_fn *run, const fac
     k->kernels = facet_kernels_for(FACET_PRECISE);
     k->n = 1;
     for (size_t i = 0; i < n; i++) {
-        if (!grazes(pairs.wi.z[i]) && !grazes(pairs.wo.z[i])) continue;
+        if (!grazes(pairs.wi.z[i], pairs.wo.z[i])) continue;
         k->pairs = (struct kernel_pairs){ shift(pairs.wi, i), shift(pairs.wo, i) };
         run(k, outputs, offset + i);
     }

@@ -39,7 +39,7 @@ INLINE real beckmann_value(const struct kernel_surface *s, struct half h, real e
     real root = exp_minus((real)0.5 * exponent) * (h.hh / (h.hz * h.hz)) *
                 (real)(1 / (SQRT_PI * s->root_det));
     real value = exponent < 2 * (real)EXP_DOMAIN ? root * root : 0;
-    return h.up ? value : 0;
+    return h.hz > 0 ? value : 0;
 }
 
 INLINE real beckmann_exponent(struct half h)

@@ -16,7 +16,7 @@ INLINE real ggx_density(const struct kernel_surface *s, struct half h)
 {
     real sum = madd(h.x, h.x, madd(h.y, h.y, h.z * h.z));
     real q = (real)s->root_det * (h.hh / sum);
-    return h.up ? q * q * (real)ONE_OVER_PI : 0;
+    return h.hz > 0 ? q * q * (real)ONE_OVER_PI : 0;
 }
 
 /* (r - |c|)/2 without the difference, r = sqrt(s^2 + c^2) (Eto & Tokuyoshi 2023, sec. 3). */

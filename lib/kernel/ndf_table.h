@@ -31,7 +31,7 @@ INLINE real table_density(const struct kernel_surface *s, struct half h)
     real u = r / (bz + r), near = (real)s->table->slope_scale / (bz + r);
     real q = (real)s->root_det * h.hh * near * near;
     real value = q * q * exp_any(cubic_at(s->table->log_q, u));
-    return h.up ? value : 0;
+    return h.hz > 0 ? value : 0;
 }
 
 INLINE real table_excess(const struct kernel_surface *s, struct direction k)

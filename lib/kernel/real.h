@@ -47,7 +47,11 @@ INLINE real real_sqrt(real x)
 
 INLINE real real_abs(real x)
 {
-    return x < 0 ? -x : x;
+#if REAL_IS_FLOAT
+    return __builtin_fabsf(x);
+#else
+    return __builtin_fabs(x);
+#endif
 }
 
 INLINE real real_max(real a, real b)
@@ -160,10 +164,7 @@ INLINE wide wide_scale(wide a, double b, double b_low)
 
 #endif
 
-/*
- * 2^-e with e the exponent of x > 0: brings H to size 1, so that no square of
- * it leaves the range of a real, whatever finite input made it.
- */
+/* 2^-e, e the exponent of x >= 0 (of the smallest normal number where x is less). */
 INLINE double inverse_exponent(double x)
 {
     int64_t i;

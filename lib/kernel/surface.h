@@ -11,15 +11,8 @@
 #include "kernels.h"
 #include "real.h"
 
-/* |H| below 1/SCALE_MAX only comes of components that small; a real must hold the scale. */
-#define SCALE_MAX (REAL_IS_FLOAT ? 0x1p120 : 0x1p1000)
-
-/* What a float would round to 0 stays above the horizon: fr there is not small. */
-INLINE real cosine(double z)
-{
-    real r = (real)z;
-    return z > 0 ? real_max(r, (real)REAL_MIN) : r;
-}
+/* |H| below 1/SCALE_MAX only comes of components that small; its square must stay finite. */
+#define SCALE_MAX 0x1p500
 
 /* By value: an array in a loop body would keep GCC from vectorising it. */
 struct vec3 {
@@ -35,7 +28,6 @@ struct direction {
 
 /* The half vector, up to a power of two, in standard slopes times root_det. */
 struct half {
-    bool up;         /* H_z > 0 */
     real x, y, z;    /* root_det (X, Y, H_z): minus standard slopes times H_z, and H_z */
     real hz;         /* H_z */
     real hh;         /* |H|^2 */
@@ -48,7 +40,7 @@ INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel
                                      struct vec3 d)
 {
     double x = d.x, y = d.y, z = d.z;
-    struct direction k = { .z = cosine(z) };
+    struct direction k = { .z = (real)z };
     if (shape == KERNEL_ISO) {
         k.c = k.z;
         k.a = (real)(s->alpha_x * x);
@@ -69,20 +61,25 @@ INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel
     return k;
 }
 
-INLINE double max_abs(double a, double b)
+/*
+ * 2^-e, e the exponent of the largest component of H: brings H to size 1, so that
+ * no square of it leaves the range of a real.  Not for floats: eval.c keeps
+ * short H away from them, and the scaling costs as much as the rest.
+ */
+INLINE double scale_of(double x, double y, double z)
 {
-    a = a < 0 ? -a : a;
-    b = b < 0 ? -b : b;
-    return a > b ? a : b;
+    double ax = __builtin_fabs(x), ay = __builtin_fabs(y), az = __builtin_fabs(z);
+    double largest = ax > ay ? ax : ay, e = inverse_exponent(largest > az ? largest : az);
+    return REAL_IS_FLOAT ? 1 : e < SCALE_MAX ? e : SCALE_MAX;
 }
 
 INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape shape,
                            struct vec3 i, struct vec3 o)
 {
     double x = i.x + o.x, y = i.y + o.y, z = i.z + o.z;
-    struct half h = { .up = z > 0 };
-    double e = inverse_exponent(max_abs(max_abs(x, y), z));
-    h.scale = (real)(e < SCALE_MAX ? e : SCALE_MAX);
+    struct half h;
+    double e = scale_of(x, y, z);
+    h.scale = (real)e;
     real hx = (real)(x * e), hy = (real)(y * e);
     h.hz = (real)(z * e);
     h.hh = madd(hx, hx, madd(hy, hy, h.hz * h.hz));
