@@ -118,17 +118,15 @@ static double fresnel_bound(const facet_brdf *b, facet_tier tier, double input_e
 }
 
 /*
- * Floats hold the kernels' intermediate values on this domain only.  G and G1 of
- * a sheared surface, and the thesis's forms, divide by a sigma that underflows.
+ * Where floats are enough.  G and G1 of a sheared surface, and the thesis's
+ * forms, divide by a sigma that underflows.
  */
 static bool fast_domain(const facet_brdf *b, facet_quantity quantity)
 {
     bool divides = quantity == FACET_G || quantity == FACET_G1_I || quantity == FACET_G1_O;
     if (b->masking == KERNEL_SMITH_THESIS || b->masking == KERNEL_UNCORRELATED_THESIS) return false;
     if (b->shape == KERNEL_SHEARED && divides) return false;
-    facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
-    double lean = fmax(fabs(b->surface.slope_x), fabs(b->surface.slope_y));
-    return e.alpha_2 >= 1e-4 && e.alpha_1 <= 1e3 && lean <= 1e2;
+    return b->floats_hold;
 }
 
 static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)

@@ -89,6 +89,12 @@ static enum kernel_masking masking_of(const facet_material *m, enum kernel_shape
     }
 }
 
+static bool floats_hold(const facet_roughness *r)
+{
+    facet_ellipse e = facet_roughness_to_ellipse(r);
+    return e.alpha_2 >= 1e-4 && e.alpha_1 <= 1e3 && fmax(fabs(r->slope_x), fabs(r->slope_y)) <= 1e2;
+}
+
 /* eta^2 - k^2 - 1 as an unevaluated sum: it cancels near vacuum. */
 static void set_excess(struct kernel_fresnel *f)
 {
@@ -127,6 +133,7 @@ facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
     b->shape = shape_of(&m->roughness);
     b->masking = masking_of(m, b->shape);
     b->channels = m->fresnel.channels;
+    b->floats_hold = floats_hold(&m->roughness);
     copy_fresnel(b, &m->fresnel);
     *brdf = b;
     return FACET_OK;

@@ -10,6 +10,7 @@ struct facet_brdf {
     enum kernel_shape shape;
     enum kernel_masking masking;
     size_t channels;
+    bool floats_hold; /* the float kernels' intermediate values stay in range */
     struct kernel_fresnel fresnel[3];
     double tables[]; /* the Fresnel table's nodes and values */
 };

@@ -109,7 +109,7 @@ static void eval_block(struct block *k, const facet_outputs *outputs, size_t off
  * second: such pairs are done again by the precise kernels, so that the promise
  * of FAST holds for every direction.
  */
-#define FAST_COSINE_MIN 0x1p-40
+#define FAST_COSINE_MIN 0x1p-28
 #define FAST_HALF_MIN 0x1p-20
 
 static int grazes(double zi, double zo)
@@ -131,6 +131,7 @@ typedef void block_fn(struct block *block, const facet_outputs *outputs, size_t 
 static void run_block(struct block *k, facet_tier tier, block_fn *run, const facet_outputs *outputs,
                       size_t offset)
 {
+    if (!k->brdf->floats_hold) tier = FACET_PRECISE;
     k->kernels = facet_kernels_for(tier);
     run(k, outputs, offset);
     if (tier != FACET_FAST || !any_grazes(&k->pairs, k->n)) return;
@@ -188,6 +189,8 @@ double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in w
         double co = wo.z[i] - wo.x[i] * s->slope_x - wo.y[i] * s->slope_y;
         least = fmin(least, sqrt(x * x + y * y + z * z));
         if (leans || !exact_z) least = fmin(least, fmin(fabs(ci), fabs(co)));
+        if (!exact_z) least = fmin(least, fmin(fabs(wi.z[i]), fabs(wo.z[i])));
+        if (!exact_z || wi.z[i] * wo.z[i] < 0) least = fmin(least, fabs(z));
     }
     return least > 0 ? 1 / least : INFINITY;
 }
@@ -209,17 +212,26 @@ static void weigh_block(struct block *k, const facet_outputs *outputs, size_t of
     colour(k, k->scalar, weight, offset);
 }
 
+/* NULL: this ndf has no sampler.  One that a tier does not have runs in the next. */
+static kernel_sample_fn *sample_loop(const facet_brdf *b, facet_tier tier)
+{
+    kernel_sample_fn *loop = NULL;
+    if (!b->floats_hold) tier = FACET_PRECISE;
+    for (int t = (int)tier; !loop && t < FACET_TIER_COUNT; t++)
+        loop = facet_kernels_for((facet_tier)t)->sample[b->material.ndf];
+    return loop;
+}
+
 /* Where the samples of one block go; what nobody asked for but the loop writes goes to scratch. */
-static void draw(struct block *k, facet_tier tier, const double *u1, const double *u2, const facet_samples *out,
-                 size_t offset)
+static void draw(struct block *k, facet_tier tier, kernel_sample_fn *sample, const double *u1,
+                 const double *u2, const facet_samples *out, size_t offset)
 {
     double scratch[4][BLOCK];
     facet_vec3_out wi = { out->wi.x + offset, out->wi.y + offset, out->wi.z + offset };
     facet_vec3_out h = { scratch[0], scratch[1], scratch[2] };
     double *pdf = out->pdf ? out->pdf + offset : out->h.x ? scratch[3] : NULL;
     if (out->h.x) h = (facet_vec3_out){ out->h.x + offset, out->h.y + offset, out->h.z + offset };
-    k->kernels->sample[k->brdf->material.ndf](&k->brdf->surface, k->pairs.wo, u1 + offset, u2 + offset,
-                                              k->n, wi, h, pdf);
+    sample(&k->brdf->surface, k->pairs.wo, u1 + offset, u2 + offset, k->n, wi, h, pdf);
     if (!out->weight[0]) return;
     facet_outputs weights = { .of[FACET_FR] = { out->weight[0], out->weight[1], out->weight[2] } };
     k->pairs.wi = (facet_vec3_in){ wi.x, wi.y, wi.z };
@@ -232,12 +244,12 @@ facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
     struct block k;
     k.brdf = brdf;
-    if (!facet_kernels_for(tier)->sample[brdf->material.ndf]) return FACET_UNSUPPORTED;
+    kernel_sample_fn *sample = sample_loop(brdf, tier);
+    if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n; start += BLOCK) {
         k.n = n - start < BLOCK ? n - start : BLOCK;
         k.pairs.wo = shift(wo, start);
-        k.kernels = facet_kernels_for(tier);
-        draw(&k, tier, u1, u2, out, start);
+        draw(&k, tier, sample, u1, u2, out, start);
     }
     return FACET_OK;
 }

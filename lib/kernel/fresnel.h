@@ -40,7 +40,8 @@ INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair c2)
 
 /*
  * Unpolarised, eta + i k: a^2 - b^2 = t = eta^2 - k^2 - 1 + c^2 and a b = eta k,
- * the larger of a and b by a root of like signs; a - c as (t + b^2 - c^2)/(a + c).
+ * the larger of a and b by a root of like signs; a - c as (t + b^2 - c^2)/(a + c)
+ * where b^2 is not what cancels.
  */
 INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair c2)
 {
@@ -50,7 +51,8 @@ INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair c2)
     real larger = real_sqrt((real)0.5 * (both + real_abs(t)));
     real smaller = product / real_max(larger, (real)REAL_MIN);
     real a = t > 0 ? larger : smaller, b = t > 0 ? smaller : larger;
-    real minus = ((real)f->excess + b * b) / (a + c), plus = a + c, bb = b * b;
+    real plus = a + c, bb = b * b, cancels = ((real)f->excess + bb) / plus;
+    real minus = b > a ? a - c : cancels;
     real s = madd(minus, minus, bb) / madd(plus, plus, bb);
     real low = a * c - sine2, high = a * c + sine2, bc2 = bb * (real)c2.hi;
     real p = madd(low, low, bc2) / madd(high, high, bc2);

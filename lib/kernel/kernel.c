@@ -134,7 +134,9 @@ FRESNEL_LOOP(fresnel_table, )
     reflect_sample(FACET_##ndf, &s, (struct vec3){ ox[k], oy[k], oz[k] }, u1[k], u2[k])
 
 SAMPLE_LOOP(GGX, _Pragma("omp simd"))
+#if !REAL_IS_FLOAT /* in floats 1 - u is lost where the CDF is inverted */
 SAMPLE_LOOP(BECKMANN, )
+#endif
 
 /* ---- the table --------------------------------------------------------------------------- */
 
@@ -160,5 +162,10 @@ const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA) = {
         [FACET_FRESNEL_CONDUCTOR] = loop_fresnel_conductor,
         [FACET_FRESNEL_TABLE] = loop_fresnel_table,
     },
-    .sample = { [FACET_GGX] = sample_GGX, [FACET_BECKMANN] = sample_BECKMANN },
+    .sample = {
+        [FACET_GGX] = sample_GGX,
+#if !REAL_IS_FLOAT
+        [FACET_BECKMANN] = sample_BECKMANN,
+#endif
+    },
 };

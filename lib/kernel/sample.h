@@ -11,7 +11,6 @@
 struct normal {
     real x, y, z;
     real mm;       /* x^2 + y^2 + z^2, or 1 where density is that of slopes (z = 1) */
-    real to_wo;    /* (a, b, c) . m, free of cancellation */
     real density;  /* D = density (hh / (mm root_det))^2; times exp(v^2) where c < 0 */
 };
 
@@ -35,12 +34,13 @@ INLINE struct normal ggx_sample(struct direction o, double u1, double u2)
     real x = madd(radius, turn.cos, o.a * inverse), y = madd(radius, turn.sin, o.b * inverse);
     z = real_max(z, NORMAL_MIN);
     real mm = madd(x, x, madd(y, y, z * z));
-    return (struct normal){ x, y, z, mm, (real)0.5 * r * mm, (real)ONE_OVER_PI };
+    return (struct normal){ x, y, z, mm, (real)ONE_OVER_PI };
 }
 
 /* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
 struct view {
-    real v, g, n, at_v; /* at_v = n psi(v) */
+    real v, g, n;
+    real at_v, edge; /* n psi(v), n exp(-v^2)/sqrt(pi) */
     real low, high;
 };
 
@@ -48,12 +48,33 @@ struct cdf {
     real lower, upper, slope; /* F, 1 - F (the smaller is exact) and dF/dx */
 };
 
+/*
+ * 1 - F next to x = v, where front_cdf's difference cancels: the integral of
+ * t exp(2 v t - t^2) over [0, d], term by term of Hermite's generating function.
+ * For |2 v d| + d^2 < EDGE the terms left out are below 1e-14 of the sum.
+ */
+#define EDGE (real)0.02
+INLINE real edge_integral(real v, real d)
+{
+    enum { TERMS = 13 };
+    real previous = 0, term = 1, sum = (real)0.5; /* H_n d^n / n! */
+    for (int n = 1; n < TERMS; n++) {
+        real next = 2 * (v * d * term - d * d * previous) / (real)n;
+        previous = term;
+        term = next;
+        sum += term / (real)(n + 2);
+    }
+    return d * d * sum;
+}
+
 INLINE struct cdf front_cdf(struct view view, real x)
 {
     real e = exp_minus(x * x), w = ERFC_SCALE / (ERFC_SCALE + real_abs(x)), erfcx = erfcx_tail(w);
     real below = e * (view.g * erfcx + view.n * (real)(1 / SQRT_PI)) * (real)0.5;
     real above = e * ((view.g - view.n * x) * erfcx * (real)0.5 - view.n * psi_x(w)) + view.at_v;
+    real d = view.v - x;
     above = real_max(above, 0);
+    if (real_abs(2 * view.v * d) + d * d < EDGE) above = view.edge * edge_integral(view.v, d);
     return (struct cdf){ x < 0 ? below : 1 - above, x < 0 ? 1 - below : above,
                          (view.g - view.n * x) * e * (real)(1 / SQRT_PI) };
 }
@@ -93,7 +114,7 @@ INLINE real invert(struct view view, bool back, real u, real complement)
 }
 
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
-#define SLOPE_MAX (REAL_IS_FLOAT ? (real)1e18 : (real)1e150) /* its square is finite */
+#define SLOPE_MAX (REAL_IS_FLOAT ? (real)1e12 : (real)1e140) /* its square is finite, stretched too */
 #define SLOPE_END (REAL_IS_FLOAT ? (real)6.3 : (real)6.7)
 
 INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
@@ -102,20 +123,20 @@ INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
     bool back = o.c < 0;
     real area = real_max(sigma_scaled((struct model){ FACET_BECKMANN, KERNEL_SHEARED, KERNEL_SMITH }, NULL, o), (real)REAL_MIN);
     real v = real_max(o.c / safe, -SLOPE_MAX), end = SLOPE_END;
-    struct view view = { v, o.c / area, s / area, s / area * psi_x(beckmann_tail(o)) * exp_minus(beckmann_v2(o)), -end, real_min(v, end) };
+    real n = s / area, e = exp_minus(beckmann_v2(o));
+    struct view view = { v, o.c / area, n, n * psi_x(beckmann_tail(o)) * e, n * e * (real)(1 / SQRT_PI), -end, real_min(v, end) };
     if (back) {
         view.low = 0;
         view.high = end * end / (real_sqrt(madd(v, v, end * end)) - v);
     }
     real root = invert(view, back, (real)u1, (real)(1 - u1));
     real x = back ? v - root : root;
-    struct view plain = { 0, 1, 0, 0, -end, end };
+    struct view plain = { SLOPE_MAX, 1, 0, 0, 0, -end, end }; /* the Gaussian alone: seen from the pole */
     real y = invert(plain, false, (real)u2, (real)(1 - u2));
     bool pole = s < (real)REAL_MIN;
     real ca = pole ? 1 : o.a / safe, cb = pole ? 0 : o.b / safe;
     real exponent = back ? madd(y, y, root * (root + 2 * real_abs(v))) : madd(y, y, x * x);
     return (struct normal){ .x = -madd(x, ca, -y * cb), .y = -madd(x, cb, y * ca), .z = 1, .mm = 1,
-                            .to_wo = back ? s * root : o.c - s * x,
                             .density = exp_minus(exponent) * (real)ONE_OVER_PI };
 }
 
@@ -132,7 +153,8 @@ INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_sur
     real hx = madd((real)s->alpha_x, m.x, -(real)s->slope_x * m.z);
     real hy = madd((real)s->rho_alpha_y, m.x, madd((real)s->kappa_alpha_y, m.y, -(real)s->slope_y * m.z));
     real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = 1 / real_sqrt(hh);
-    real twice = 2 * m.to_wo / hh;
+    /* Of the h that is used: wi stays a mirror image, whatever rounding did to h. */
+    real twice = 2 * madd((real)wo.x, hx, madd((real)wo.y, hy, (real)wo.z * m.z)) / hh;
     struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
     real q = hh / (m.mm * (real)s->root_det);
     return (struct sampled){
