@@ -40,7 +40,7 @@ INLINE struct normal ggx_sample(struct direction o, double u1, double u2)
 /* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
 struct view {
     real v, g, n;
-    real at_v, edge; /* n psi(v), n exp(-v^2)/sqrt(pi) */
+    real at_v, edge; /* n psi(v), n exp(-v^2)/sqrt(pi); scaled like sigma where c < 0 */
     real low, high;
 };
 
@@ -49,7 +49,7 @@ struct cdf {
 };
 
 /*
- * 1 - F next to x = v, where front_cdf's difference cancels: the integral of
+ * 1 - F next to x = v, where it is lost as a difference: the integral of
  * t exp(2 v t - t^2) over [0, d], term by term of Hermite's generating function.
  * For |2 v d| + d^2 < EDGE the terms left out are below 1e-14 of the sum.
  */
@@ -67,16 +67,23 @@ INLINE real edge_integral(real v, real d)
     return d * d * sum;
 }
 
+/* The given F, or what is exact at d = v - x next to the edge. */
+INLINE struct cdf at_edge(struct view view, real d, struct cdf away)
+{
+    if (real_abs(2 * view.v * d) + d * d >= EDGE) return away;
+    real upper = view.edge * edge_integral(view.v, d);
+    return (struct cdf){ 1 - upper, upper, away.slope };
+}
+
 INLINE struct cdf front_cdf(struct view view, real x)
 {
     real e = exp_minus(x * x), w = ERFC_SCALE / (ERFC_SCALE + real_abs(x)), erfcx = erfcx_tail(w);
     real below = e * (view.g * erfcx + view.n * (real)(1 / SQRT_PI)) * (real)0.5;
     real above = e * ((view.g - view.n * x) * erfcx * (real)0.5 - view.n * psi_x(w)) + view.at_v;
-    real d = view.v - x;
     above = real_max(above, 0);
-    if (real_abs(2 * view.v * d) + d * d < EDGE) above = view.edge * edge_integral(view.v, d);
-    return (struct cdf){ x < 0 ? below : 1 - above, x < 0 ? 1 - below : above,
-                         (view.g - view.n * x) * e * (real)(1 / SQRT_PI) };
+    struct cdf away = { x < 0 ? below : 1 - above, x < 0 ? 1 - below : above,
+                        (view.g - view.n * x) * e * (real)(1 / SQRT_PI) };
+    return at_edge(view, view.v - x, away);
 }
 
 /* Over d = v - x for v < 0, where the slope density has only its tail left: F falls from 1 to 0. */
@@ -85,7 +92,8 @@ INLINE struct cdf back_cdf(struct view view, real d)
     real v = real_abs(view.v), x = v + d, w = ERFC_SCALE / (ERFC_SCALE + x);
     real e = exp_minus(d * (d + 2 * v)) * view.n;
     real lower = e * madd((real)0.5 * d, erfcx_tail(w), psi_x(w));
-    return (struct cdf){ lower, 1 - lower, -d * e * (real)(1 / SQRT_PI) };
+    struct cdf away = { lower, 1 - lower, -d * e * (real)(1 / SQRT_PI) };
+    return at_edge(view, d, away);
 }
 
 /*
@@ -126,6 +134,7 @@ INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
     real n = s / area, e = exp_minus(beckmann_v2(o));
     struct view view = { v, o.c / area, n, n * psi_x(beckmann_tail(o)) * e, n * e * (real)(1 / SQRT_PI), -end, real_min(v, end) };
     if (back) {
+        view.edge = n * (real)(1 / SQRT_PI);
         view.low = 0;
         view.high = end * end / (real_sqrt(madd(v, v, end * end)) - v);
     }
