@@ -164,7 +164,7 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
                              double *condition)
 {
     *condition = 1;
-    if (brdf->masking != KERNEL_SMITH_THESIS) return FACET_OK;
+    if (brdf->masking != KERNEL_SMITH_THESIS && brdf->masking != KERNEL_UNCORRELATED_THESIS) return FACET_OK;
     const struct facet_kernels *kernels = facet_kernels_for(FACET_PRECISE);
     kernel_eval_fn *loop = find_loop(brdf, kernels, KERNEL_CONDITION);
     double out[BLOCK];

@@ -229,9 +229,10 @@ facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in w
                         size_t n, const facet_outputs *outputs);
 
 /*
- * With shear THESIS the denominator of fr cancels: the largest
+ * With shear THESIS the denominator of fr cancels or underflows: the largest
  * sum-of-magnitudes / |denominator| over these pairs, by which the bound of
- * fr, fr_cos and G grows.  1 for every other material.
+ * fr, fr_cos and G grows; beyond 1e300 where nothing is left of a sigma.  1 for
+ * every other material.
  */
 facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                              double *condition);

@@ -139,7 +139,8 @@ INLINE real quantity_fr_cos(struct model m, const struct kernel_surface *s, stru
     bool scaled = needs_scaling(m);
     struct fraction f = reflect(m, s, i, o, h, scaled);
     real d = scaled ? density_scaled(m, s, h, o) : density(m, s, h);
-    return lit(i, o, ratio(d * f.num, f.den));
+    /* The fraction first: d and num may both be small, and so may num and den. */
+    return lit(i, o, real_min(d * ratio(f.num, f.den), (real)REAL_MAX));
 }
 
 /* fr cos theta_i / cos theta_i, which cancels on a central Smith surface. */
@@ -173,7 +174,7 @@ INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struc
     (void)i;
     real facing_o = (real)0.5 * h.length; /* wo.h, that is cos theta_d */
     if (m.masking == KERNEL_VGROOVE)
-        return ratio(density(m, s, h) * facing_o * vgroove_visible(h, o.c), o.c);
+        return density(m, s, h) * ratio(facing_o * vgroove_visible(h, o.c), o.c);
     if (m.masking == KERNEL_NONE) return density(m, s, h) * h.hz / real_max(real_sqrt(h.hh), (real)REAL_MIN);
     return ratio(density_scaled(m, s, h, o) * facing_o, sigma_scaled(m, s, o));
 }
@@ -229,8 +230,10 @@ INLINE real quantity_condition(struct model m, const struct kernel_surface *s, s
 {
     (void)h;
     struct thesis t = thesis_denominator(m, s, i, o);
-    real size = real_abs(t.denominator);
+    real size = real_abs(t.denominator), least = real_min(sigma(m, s, i), sigma(m, s, o));
     real value = real_min(t.magnitude / real_max(size, (real)REAL_MIN), (real)REAL_MAX);
+    /* D / (sigma_i sigma_o) where a sigma is about to underflow and D with it. */
+    if (m.masking == KERNEL_UNCORRELATED_THESIS) value = least < (real)1e-30 ? (real)REAL_MAX : 1;
     return real_min(i.z, o.z) > 0 ? value : 1;
 }
 

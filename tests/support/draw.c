@@ -39,6 +39,13 @@ static int draw_int(struct rng *rng, int n)
     return (int)(rng_uniform(rng) * n);
 }
 
+/* One draw a statement here and below: the order of two in one expression is the compiler's. */
+static double draw_near_one(struct rng *rng, double low, double high)
+{
+    double sign = draw_sign(rng);
+    return 1 + sign * rng_log(rng, low, high);
+}
+
 static double draw_slope(struct rng *rng, double largest)
 {
     double size = rng_uniform(rng) < 0.5 ? fmin(1, largest) * rng_uniform(rng)
@@ -77,9 +84,9 @@ void draw_fresnel(struct rng *rng, facet_fresnel_kind kind, facet_fresnel *f)
     for (int j = 0; j < 3; j++) {
         double special[] = {0, 1, 1e-6, 0.04};
         f->f0[j] = draw_int(rng, 2) ? rng_uniform(rng) : special[draw_int(rng, 4)];
-        f->eta[j] = rng_log(rng, draw_int(rng, 3) ? 0.3 : FACET_ETA_MIN,
-                            draw_int(rng, 3) ? 4 : FACET_ETA_MAX);
-        if (!draw_int(rng, 8)) f->eta[j] = 1 + draw_sign(rng) * rng_log(rng, 1e-9, 1e-1);
+        double low = draw_int(rng, 3) ? 0.3 : FACET_ETA_MIN, high = draw_int(rng, 3) ? 4 : FACET_ETA_MAX;
+        f->eta[j] = rng_log(rng, low, high);
+        if (!draw_int(rng, 8)) f->eta[j] = draw_near_one(rng, 1e-9, 1e-1);
         f->eta[j] = fmin(fmax(f->eta[j], FACET_ETA_MIN), FACET_ETA_MAX);
         f->k[j] = draw_int(rng, 4) ? fmin(rng_log(rng, 1e-9, FACET_K_MAX), FACET_K_MAX) : 0;
     }
@@ -131,7 +138,7 @@ static void edge(struct rng *rng, const facet_roughness *r, double k[3])
         g = -g;
         phi += acos(-1);
     }
-    double z = g / sqrt(1 + g * g) * (1 + draw_sign(rng) * rng_log(rng, 1e-15, 1e-1));
+    double z = g / sqrt(1 + g * g) * draw_near_one(rng, 1e-15, 1e-1);
     from_polar(fmin(fmax(z, -1), 1), phi, k);
 }
 
@@ -153,6 +160,8 @@ static void draw_kind(struct rng *rng, int kind, const struct draw_domain *domai
                       const facet_material *material, double wi[3], double wo[3])
 {
     const facet_roughness *r = &material->roughness;
+    double phi;
+    int which;
     draw_direction(rng, domain->cosine_min, wo);
     draw_direction(rng, domain->cosine_min, wi);
     switch (kind) {
@@ -162,7 +171,8 @@ static void draw_kind(struct rng *rng, int kind, const struct draw_domain *domai
         mirror(rng, r, wo, wi);
         break;
     case 3: /* pole */
-        from_polar(1 - rng_log(rng, 1e-20, 1e-2), 6 * rng_uniform(rng), wo);
+        phi = 6 * rng_uniform(rng);
+        from_polar(1 - rng_log(rng, 1e-20, 1e-2), phi, wo);
         mirror(rng, r, wo, wi);
         break;
     case 4:
@@ -170,7 +180,8 @@ static void draw_kind(struct rng *rng, int kind, const struct draw_domain *domai
         break; /* nearly equal */
     case 5:    /* nearly opposite in azimuth */
         for (int j = 0; j < 3; j++) wi[j] = (j < 2 ? -1 : 1) * wo[j];
-        wi[draw_int(rng, 3)] *= 1 - rng_log(rng, 1e-16, 1e-2);
+        which = draw_int(rng, 3);
+        wi[which] *= 1 - rng_log(rng, 1e-16, 1e-2);
         break;
     case 6:
         edge(rng, r, wi);
@@ -181,7 +192,7 @@ static void draw_kind(struct rng *rng, int kind, const struct draw_domain *domai
     case 8: /* around total reflection */
         if (material->fresnel.eta[0] < 1) {
             double c = sqrt((1 - material->fresnel.eta[0]) * (1 + material->fresnel.eta[0]));
-            at_difference(rng, c * (1 + draw_sign(rng) * rng_log(rng, 1e-16, 1e-2)), wo, wi);
+            at_difference(rng, c * draw_near_one(rng, 1e-16, 1e-2), wo, wi);
         }
         break;
     case 9: /* below */
