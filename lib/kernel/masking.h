@@ -179,12 +179,21 @@ INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struc
     return ratio(density_scaled(m, s, h, o) * facing_o, sigma_scaled(m, s, o));
 }
 
+/* x / sigma from x / the scaled sigma, which is right until the quotient itself leaves the range. */
+INLINE real unscale(struct model m, struct direction k, real quotient)
+{
+    if (m.ndf != FACET_BECKMANN) return quotient;
+    real e = exp_minus(beckmann_v2(k));
+    return k.c < 0 ? real_min(quotient / real_max(e, (real)REAL_MIN), (real)REAL_MAX) : quotient;
+}
+
 /* G of fr = F D G / (4 z_i z_o) = F D num / (den z_i). */
 INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct direction i,
                        struct direction o, struct half h)
 {
-    struct fraction f = reflect(m, s, i, o, h, false);
-    return lit(i, o, ratio(4 * o.z * f.num, f.den));
+    struct fraction f = reflect(m, s, i, o, h, needs_scaling(m));
+    real value = ratio(4 * o.z * f.num, f.den);
+    return lit(i, o, needs_scaling(m) ? unscale(m, o, value) : value);
 }
 
 /* G1 of D_vis = G1 <k, h> D / z_k. */
@@ -192,7 +201,7 @@ INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct d
 {
     if (m.masking == KERNEL_VGROOVE) return ratio(k.z * vgroove_visible(h, k.c), k.c);
     if (m.masking == KERNEL_NONE) return 2 * real_max(k.z, 0) * real_min(real_max(facing(h), 0), (real)(REAL_MAX / 4));
-    return ratio(k.z, sigma(m, s, k));
+    return unscale(m, k, ratio(k.z, sigma_scaled(m, s, k)));
 }
 
 INLINE real quantity_g1_i(struct model m, const struct kernel_surface *s, struct direction i,
@@ -220,6 +229,9 @@ INLINE real quantity_sigma_o(struct model m, const struct kernel_surface *s, str
 INLINE real quantity_weight(struct model m, const struct kernel_surface *s, struct direction i,
                             struct direction o, struct half h)
 {
+    /* sigma_o, which may underflow, cancels. */
+    if (m.masking == KERNEL_UNCORRELATED_THESIS)
+        return lit(i, o, unscale(m, i, ratio(i.z, sigma_scaled(m, s, i))));
     struct fraction f = reflect(m, s, i, o, h, needs_scaling(m));
     real so = needs_scaling(m) ? sigma_scaled(m, s, o) : sigma(m, s, o);
     return lit(i, o, ratio(4 * so * f.num, f.den));
