@@ -57,10 +57,10 @@ static const struct field response_fields[] = {
     {.name = "wi",
      OF(WI),
      .width = 3,
-     .doc = "sampled directions; bound and floor as if of length 1"},
-    {.name = "weight", OF(WEIGHT), .doc = "fr cos(theta_i) / pdf; 0 below the horizon"},
+     .doc = "sampled directions; their floor is direction_floor"},
+    {.name = "weight", OF(WEIGHT), .doc = "fr cos(theta_i) / pdf at the wi returned; 0 below the horizon"},
     {.name = "pdf", OF(PDF), .width = 1, .doc = "density of wi, per steradian"},
-    {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; bound and floor as of wi"},
+    {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; their floor is direction_floor"},
     COUNT_FIELD(struct sample_response),
     {MEMBER(struct sample_response, wasted), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,
      .doc = "samples below the horizon, weight 0"},
@@ -247,7 +247,8 @@ static bool handle(struct call *call)
     out->count = (int64_t)job->pairing.count;
     out->wasted = (int64_t)job->wasted;
     out->accuracy =
-        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR};
+        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR,
+                          asked(job, WI) || asked(job, H) ? 1 : NAN};
     return true;
 }
 

@@ -182,6 +182,7 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     if (!find_condition(call, job) ||
         !api_promise(evaluation->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
+    api_promise_fewer_digits(evaluation->accuracy, &job->promise);
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) job->results[q].digits = job->promise.digits;
     call->response->trace.decode_us += api_clock() - start - call->response->trace.compute_us;
     call->response->trace.tier = api_tier_names[job->promise.tier];
@@ -193,6 +194,6 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     }
     evaluation->count = job->pairs.pairing.count;
     evaluation->answer =
-        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR};
+        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN};
     return true;
 }

@@ -16,6 +16,8 @@ const struct field api_accuracy_fields[] = {
     {MEMBER(struct accuracy, tier), FIELD_TEXT, FIELD_MUST, .doc = "the tier that computed it"},
     {MEMBER(struct accuracy, bound), FIELD_NUMBER, FIELD_MUST, .min = 0, .max = 1},
     {MEMBER(struct accuracy, floor), FIELD_NUMBER, FIELD_MUST, .min = 0, .max = 1},
+    {MEMBER(struct accuracy, direction_floor), FIELD_NUMBER, .min = 0, .max = 1,
+     .doc = "the floor that holds for the components of directions (wi, h) in this answer"},
     {0},
 };
 
@@ -34,33 +36,56 @@ static double rounded_up(double bound)
     return strtod(text, NULL);
 }
 
-/* Digits so that printing adds a tenth, and less where the tolerance leaves less; the total bound.
- */
-static double printed(double bound, double tolerance, int *digits)
+/* The total bound at so many digits, rounded up but not past a tolerance that it meets. */
+static double printed_at(double bound, double tolerance, int digits)
+{
+    double total = bound + printing_error(digits) * (1 + bound), shown = rounded_up(total);
+    return total <= tolerance && shown > tolerance ? tolerance : shown;
+}
+
+static bool meets(double bound, double tolerance, int digits)
+{
+    return bound + printing_error(digits) * (1 + bound) <= tolerance;
+}
+
+/* Digits so that printing adds a tenth, and less where the tolerance leaves less. */
+static void print_to_bound(struct promise *promise, double tolerance)
 {
     int d = 1;
-    while (d < DIGITS_MAX && printing_error(d) > bound / 10) d++;
-    while (d < DIGITS_MAX && bound + printing_error(d) * (1 + bound) > tolerance) d++;
-    *digits = d;
-    double total = bound + printing_error(d) * (1 + bound), shown = rounded_up(total);
-    return total <= tolerance && shown > tolerance ? tolerance : shown;
+    while (d < DIGITS_MAX && printing_error(d) > promise->arithmetic / 10) d++;
+    while (d < DIGITS_MAX && !meets(promise->arithmetic, tolerance, d)) d++;
+    promise->digits = d;
+    promise->bound = printed_at(promise->arithmetic, tolerance, d);
+}
+
+/* Without a tolerance a forced tier's own bound is what the user wants. */
+static double tolerance_of(const struct tolerance_request *request)
+{
+    if (!isnan(request->tolerance)) return request->tolerance;
+    return request->tier >= 0 ? INFINITY : TOLERANCE_DEFAULT;
+}
+
+void api_promise_fewer_digits(const struct tolerance_request *request, struct promise *promise)
+{
+    double tolerance = tolerance_of(request);
+    if (!(tolerance < 1)) return;
+    while (promise->digits > 1 && meets(promise->arithmetic, tolerance, promise->digits - 1)) promise->digits--;
+    promise->bound = printed_at(promise->arithmetic, tolerance, promise->digits);
 }
 
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
                  struct problem *problem, struct promise *promise)
 {
     bool forced = request->tier >= 0;
-    double tolerance = !isnan(request->tolerance) ? request->tolerance
-                       : forced                   ? INFINITY
-                                                  : TOLERANCE_DEFAULT;
+    double tolerance = tolerance_of(request);
     struct place at = {NULL, forced ? "tier" : "tolerance", 0};
     double best = INFINITY;
     int first = forced ? request->tier : 0, last = forced ? first : FACET_TIER_COUNT - 1;
     for (int tier = first; tier <= last; tier++) {
         double bound;
         if (!bound_of(asked, (facet_tier)tier, &bound) || !(bound < 1)) continue;
-        *promise = (struct promise){.tier = (facet_tier)tier};
-        promise->bound = printed(bound, tolerance, &promise->digits);
+        *promise = (struct promise){.tier = (facet_tier)tier, .arithmetic = bound};
+        print_to_bound(promise, tolerance);
         if (promise->bound <= tolerance) return true;
         if (promise->bound < best) best = promise->bound;
     }

@@ -36,6 +36,7 @@ extern const char *const api_tier_names[];
 struct accuracy {
     const char *tier;
     double bound, floor;
+    double direction_floor; /* of wi and h; NAN where the answer holds none */
 };
 extern const struct field api_accuracy_fields[];
 #define ACCURACY_FIELD(type_)                                                                      \
@@ -48,7 +49,8 @@ extern const struct field api_accuracy_fields[];
 
 struct promise {
     facet_tier tier;
-    double bound; /* of the numbers as printed */
+    double arithmetic; /* the bound of the numbers before they are printed */
+    double bound;      /* of the numbers as printed */
     int digits;
 };
 
@@ -58,5 +60,11 @@ typedef bool bound_fn(const void *asked, facet_tier tier, double *bound);
 /* The cheapest tier that meets the request, or a 422 that names the best bound there is. */
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
                  struct problem *problem, struct promise *promise);
+
+/*
+ * Only the digits that the tolerance needs, where it leaves room: for numbers
+ * that are looked at.  Not for samples, which are fed back.
+ */
+void api_promise_fewer_digits(const struct tolerance_request *request, struct promise *promise);
 
 #endif

@@ -56,3 +56,19 @@ TEST(digits_are_those_the_bound_supports)
         CHECK(10 * printing > bound / 10 || bound + 10 * printing * (1 + bound) > tolerance);
     }
 }
+
+TEST(no_digit_more_than_the_tolerance_needs)
+{
+    const struct tolerance_request request = {1e-6, -1};
+    struct promise p = {.arithmetic = 4e-15, .bound = 4.2e-15, .digits = 16};
+    api_promise_fewer_digits(&request, &p);
+    CHECK_INT(p.digits, 7);
+    CHECK(p.bound >= 4e-15 + 5e-7 && p.bound <= 1e-6);
+    p = (struct promise){.arithmetic = 9.9e-7, .bound = 9.95e-7, .digits = 9};
+    api_promise_fewer_digits(&request, &p);
+    CHECK_INT(p.digits, 9); /* 8 digits would miss */
+    const struct tolerance_request forced = {NAN, FACET_PRECISE};
+    p = (struct promise){.arithmetic = 4e-15, .bound = 4.2e-15, .digits = 16};
+    api_promise_fewer_digits(&forced, &p);
+    CHECK_INT(p.digits, 16);
+}
