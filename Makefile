@@ -114,9 +114,23 @@ $(REFERENCED): LDLIBS += -lquadmath
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
 # CHECK_ISAS=best: only the best instruction set this processor has.
 CHECK_ISAS ?= $(ISAS)
-check: $(TESTS) check-layers
+check: $(TESTS) check-layers check-vectorised
 	@for t in $(TESTS_ONCE) $(TESTS_SERVER); do $$t || echo "FAIL $$t (exit $$?)"; done
 	@for t in $(TESTS_ISA); do for i in $(CHECK_ISAS); do FACET_ISA=$$i $$t || echo "FAIL $$t $$i (exit $$?)"; done; done
+
+# Auto-vectorisation fails silently: every GGX and Beckmann loop of the release must hold packed
+# arithmetic in the widest registers of its ISA.  (A loop that only jumps is another one's twin.)
+VECTOR_base := xmm
+VECTOR_avx2 := ymm
+VECTOR_avx512 := zmm
+check-vectorised: $(KERNELS)
+	@if [ $(VARIANT) != release ] || [ -z "$(filter avx2,$(ISAS))" ]; then exit 0; fi; bad=0; \
+	$(foreach t,$(TIERS),$(foreach i,$(ISAS),objdump -d --no-show-raw-insn $(B)/lib/kernel/$t-$i.o | \
+	awk -v want='%$(VECTOR_$i)' '/^[0-9a-f]+ </ {f=$$2; seen[f]} /jmp .*<quantity_/ {twin[f]} \
+	/v?f?n?m(ul|add[0-9]*|sub[0-9]*)p[sd] / && index($$0, want) {packed[f]} \
+	END {for (f in seen) if (f ~ /quantity_.*_(GGX|BECKMANN)|sample_GGX|fresnel_(schlick|diel|cond)/ && !(f in packed) && !(f in twin)) \
+	{print "  scalar in $t-$i:", f; e=1} exit e}' || bad=1;)) \
+	[ $$bad = 0 ] && echo "ok check-vectorised" || echo "FAIL check-vectorised"
 
 # lib knows libc and libm; api knows no transport; kernels call nothing; each exports its own prefix only
 check-layers: $(B)/libfacet.a $(B)/libapi.a
@@ -184,6 +198,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers clean run test demo container install help deps deps-check
+.PHONY: all openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
