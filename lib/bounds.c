@@ -151,6 +151,19 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
     return isfinite(value);
 }
 
+/*
+ * A cap's normal is right to rounding of its own length 1; the affine map may
+ * stretch that by alpha_1 (1 + lean) where the rest of the normal shrinks by alpha_2.
+ */
+static double caps_stretch(const facet_brdf *b, facet_tier tier)
+{
+    if (b->material.ndf != FACET_GGX || b->shape == KERNEL_ISO) return 0;
+    facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
+    double rounding = tier == FACET_FAST ? 0x1p-24 : DOUBLE_ROUNDING;
+    double lean = fabs(b->surface.slope_x) + fabs(b->surface.slope_y);
+    return 8 * rounding * (e.alpha_1 + lean) / e.alpha_2;
+}
+
 bool facet_sample_bound(const facet_brdf *b, facet_tier tier, double input_error, double *bound)
 {
     *bound = INFINITY;
@@ -159,6 +172,6 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, double input_error
     if (!facet_bound(b, tier, FACET_PDF, input_error, &pdf) ||
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
-    *bound = 8 * fmax(pdf, weight);
+    *bound = 8 * fmax(pdf, weight) + caps_stretch(b, tier);
     return true;
 }

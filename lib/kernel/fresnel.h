@@ -1,5 +1,5 @@
 /*
- * fresnel.h - Fresnel terms over c = cos theta_d (FORMULAS section 4).
+ * fresnel.h - Fresnel terms over c = cos theta_d.
  */
 #ifndef FACET_FRESNEL_H
 #define FACET_FRESNEL_H

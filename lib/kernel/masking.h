@@ -1,6 +1,6 @@
 /*
  * masking.h - what is common to all ndfs: the choice of ndf, projected area,
- * masking, and the quantities made of them.  FORMULAS section 3; the sheared
+ * masking, and the quantities made of them.  Dupuy 2015 ch. 2 and 3; the sheared
  * forms and the meaning of G and G1 are stated in lib/NOTATION.md.
  */
 #ifndef FACET_MASKING_H

@@ -1,6 +1,6 @@
 /*
  * sample.h - visible normals of the standard surface (alpha = 1), seen from the
- * stretched direction (a, b, c): FORMULAS section 5.
+ * stretched direction (a, b, c) (Dupuy 2015 eqs. 2.35, 3.4).
  */
 #ifndef FACET_SAMPLE_H
 #define FACET_SAMPLE_H

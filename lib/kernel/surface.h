@@ -1,7 +1,7 @@
 /*
  * surface.h - the affine map from standard slopes to the surface's, for every ndf.
  *
- * FORMULAS: Dupuy 2015 eqs. 2.26, 2.35, 3.2, 3.3 and section 2, arranged so that
+ * Dupuy 2015 eqs. 2.26, 2.35, 3.2 and 3.3 (lib/NOTATION.md), arranged so that
  * no slope is formed, nothing is divided by h_z and nothing cancels that is not
  * formed in `wide`.
  */

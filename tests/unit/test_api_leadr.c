@@ -174,7 +174,7 @@ TEST(coarsest_level_is_the_direct_sum)
     }
 }
 
-/* FORMULAS section 6: central differences keep 47 %, 75 % and 78 % of the variance forward ones
+/* On measured microsurfaces: central differences keep 47 %, 75 % and 78 % of the variance forward ones
  * see. */
 TEST(stencils_are_compared)
 {

@@ -265,7 +265,7 @@ TEST(base_roughness_is_a_process_below)
     free(z);
 }
 
-/* Steep slope, little roughness: raw half loses it and says so; centred keeps it (NUMERICS.md). */
+/* Steep slope, little roughness: raw half loses it and says so; centred keeps it. */
 TEST(variance_lost_to_the_type_is_told)
 {
     enum { N = 32 };

@@ -54,7 +54,7 @@ TEST(the_ellipse_comes_back)
     CHECK_REL(number(&a, "ellipse", "alpha_1"), 0.5, 1e-14, 0);
     CHECK_REL(number(&a, "ellipse", "alpha_2"), 0.1, 1e-13, 0);
     CHECK_REL(number(&a, "ellipse", "phi"), 0.4, 1e-13, 0);
-    /* FORMULAS sec. 1: the major axis lies at -phi, so the slopes correlate negatively. */
+    /* NOTATION: the major axis lies at -phi, so the slopes correlate negatively. */
     CHECK(number(&a, "bivariate", "rho") < 0);
     CHECK(!json_object_get(a.json, "moments"));
     answer_clear(&a);
