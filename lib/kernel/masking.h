@@ -183,8 +183,9 @@ INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struc
 INLINE real unscale(struct model m, struct direction k, real quotient)
 {
     if (m.ndf != FACET_BECKMANN) return quotient;
-    real e = exp_minus(beckmann_v2(k));
-    return k.c < 0 ? real_min(quotient / real_max(e, (real)REAL_MIN), (real)REAL_MAX) : quotient;
+    /* exp(v^2) in two halves: it may be too large where the product is not. */
+    real half = real_max(exp_minus((real)0.5 * beckmann_v2(k)), (real)REAL_MIN);
+    return k.c < 0 ? real_min(quotient / half / half, (real)REAL_MAX) : quotient;
 }
 
 /* G of fr = F D G / (4 z_i z_o) = F D num / (den z_i). */

@@ -211,3 +211,71 @@ TEST(precise_is_within_1e_12_on_ordinary_materials)
 {
     walk(&draw_ordinary, draw_count(20), FACET_PRECISE, 1e-12, 3);
 }
+
+/*
+ * Components handed over with an absolute error: what lib makes of them against the exact value of
+ * the unperturbed pair; the bound is asked for that error times the pair's closeness.
+ */
+static void perturb(struct rng *rng, double error, const struct batch *exact, struct batch *rounded)
+{
+    *rounded = *exact;
+    for (int j = 0; j < 3; j++)
+        for (size_t k = 0; k < exact->n; k++) {
+            rounded->i[j][k] += error * 0.99 * (2 * rng_uniform(rng) - 1);
+            rounded->o[j][k] += error * 0.99 * (2 * rng_uniform(rng) - 1);
+        }
+}
+
+static size_t check_computed(const facet_brdf *brdf, struct row row, const facet_material *m,
+                             const struct batch *exact, const struct batch *rounded, size_t k,
+                             double error)
+{
+    double wi[3], wo[3];
+    size_t checked = 0;
+    struct reference x;
+    get(exact->i, k, wi);
+    get(exact->o, k, wo);
+    facet_vec3_in i = {&rounded->i[0][k], &rounded->i[1][k], &rounded->i[2][k]};
+    facet_vec3_in o = {&rounded->o[0][k], &rounded->o[1][k], &rounded->o[2][k]};
+    double close = facet_closeness(brdf, i, o, 1, false), grown = growth(brdf, m, wi, wo);
+    reference_eval(m, wi, wo, &x);
+    for (row.quantity = 0; row.quantity < FACET_QUANTITY_COUNT; row.quantity++) {
+        facet_quantity q = (facet_quantity)row.quantity;
+        double bound;
+        if (!facet_bound(brdf, row.tier, q, error * close, &bound)) continue;
+        double limit = bound * (conditioned(row.quantity) ? grown : 1);
+        if (limit > 0.1) continue;
+        checked++;
+        check_value(&row, m, wi, wo, rounded->y[q][0][k], x.of[q][0], limit);
+    }
+    return checked;
+}
+
+TEST(bounds_hold_for_computed_directions)
+{
+    static struct batch exact, rounded;
+    struct rng rng;
+    struct row row;
+    rng_seed(&rng, 4);
+    size_t checked = 0;
+    for (size_t n = draw_count(1500); n--;) {
+        row = (struct row){.tier = n & 1 ? FACET_PRECISE : FACET_FAST, .ndf = n / 2 & 1};
+        row.model = (int)(n / 4 % MODELS);
+        double error = rng_log(&rng, 1e-16, 1e-6);
+        facet_material m = {.ndf = (facet_ndf)row.ndf,
+                            .masking = models[row.model].masking,
+                            .shear = models[row.model].shear};
+        draw_roughness(&rng, &draw_ordinary, &m.roughness);
+        draw_fresnel(&rng, (facet_fresnel_kind)(n / 24 % FACET_FRESNEL_COUNT), &m.fresnel);
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        if (!brdf) continue;
+        draw_batch(&rng, &draw_ordinary, &m, &exact);
+        perturb(&rng, error, &exact, &rounded);
+        run(brdf, row.tier, m.fresnel.channels, &rounded);
+        for (size_t k = 0; k < exact.n; k++)
+            checked += check_computed(brdf, row, &m, &exact, &rounded, k, error);
+        facet_brdf_destroy(brdf);
+    }
+    check_note("checked", (double)checked);
+}

@@ -39,9 +39,6 @@ static void draw_batch(struct rng *rng, const struct draw_domain *domain, const 
             double r = rng_uniform(rng), v = rng_uniform(rng);
             u[j] = r < 0.7 ? v : r < 0.85 ? rng_log(rng, 0x1p-53, 1) : 1 - rng_log(rng, 0x1p-53, 1);
             u[j] = fmin(fmax(u[j], 0x1p-53), 1 - 0x1p-53);
-            /* Beckmann's 1 - F is a difference where x nears v: 1 - u1 < 1e-4 is not yet what it
-             * should be. */
-            if (m->ndf == FACET_BECKMANN) u[j] = fmin(u[j], 1 - 1e-4);
         }
         b->u1[k] = u[0];
         b->u2[k] = u[1];

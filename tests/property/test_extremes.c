@@ -115,6 +115,52 @@ TEST(evaluation_stays_finite)
     }
 }
 
+/* Every u of [0, 1), its ends included, gives a unit direction and a sane weight. */
+TEST(samples_stay_finite)
+{
+    static const double ends[] = {0, 0x1p-1074, 0x1p-53, 0.25, 0.5, 1 - 0x1p-53};
+    struct rng rng;
+    rng_seed(&rng, 22);
+    for (size_t round = draw_count(4000); round--;) {
+        facet_material m = any_material(&rng);
+        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        static double o[3][N], u1[N], u2[N], wi[3][N], h[3][N], weight[N], pdf[N];
+        for (size_t k = 0; k < N; k++) {
+            double a[3], b[3];
+            hard_pair(&rng, &m, k, a, b);
+            for (int j = 0; j < 3; j++) o[j][k] = b[j];
+            u1[k] =
+                rng_uniform(&rng) < 0.5 ? rng_uniform(&rng) : ends[(int)(6 * rng_uniform(&rng))];
+            u2[k] =
+                rng_uniform(&rng) < 0.5 ? rng_uniform(&rng) : ends[(int)(6 * rng_uniform(&rng))];
+        }
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        if (!brdf) continue;
+        double bound = 1; /* where nothing is promised, finite must do */
+        if (!facet_sample_bound(brdf, tier, 0, &bound)) bound = 1;
+        facet_samples s = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
+        CHECK_INT(facet_sample(brdf, tier, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
+                  FACET_OK);
+        facet_brdf_destroy(brdf);
+        for (size_t k = 0; k < N; k++) {
+            double size = hypot(hypot(wi[0][k], wi[1][k]), wi[2][k]);
+            double hsize = hypot(hypot(h[0][k], h[1][k]), h[2][k]);
+            double osize = hypot(hypot(o[0][k], o[1][k]), o[2][k]); /* 1, but for the hard ones */
+            bool sane = fabs(size - osize) < 1e-12 + 4 * bound &&
+                        fabs(hsize - 1) < 1e-12 + 4 * bound && h[2][k] >= 0 && weight[k] >= 0 &&
+                        weight[k] < 1e300 && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
+            if (sane) continue;
+            check_fail(
+                __FILE__, __LINE__,
+                "wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g, %s\n    %s\n    wo {%.17g, "
+                "%.17g, %.17g} u %.17g %.17g",
+                wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k], weight[k], pdf[k],
+                facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
+        }
+    }
+}
+
 /* What is refused is refused at creation, by its own status, and nothing is made. */
 TEST(materials_out_of_range_are_refused)
 {
