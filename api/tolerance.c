@@ -7,7 +7,7 @@
 enum { DIGITS_MAX = 17 };
 
 /* In the order of facet_tier; tests/unit/test_api.c compares with facet_tier_name. */
-const char *const api_tier_names[] = {"fast", "precise", NULL};
+const char *const api_tier_names[] = {"draft", "fast", "exact32", "precise", NULL};
 
 _Static_assert(FACET_TIER_COUNT == sizeof api_tier_names / sizeof *api_tier_names - 1,
                "every tier has a name on the wire");

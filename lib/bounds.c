@@ -11,26 +11,45 @@ static double base_bound(facet_tier tier, facet_ndf ndf, facet_quantity quantity
 {
 #define PROMISE(t, n, q, bound)                                                 \
     if (tier == FACET_##t && ndf == FACET_##n && quantity == FACET_##q) return bound;
-#define FRESNEL(t, kind, bound)
+#define FRESNEL(t, kind, own, added)
+#define SAMPLE(t, n, added)
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
+#undef SAMPLE
 #undef ALL_QUANTITIES
     return NAN;
 }
 
-static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind)
+static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind, bool alone)
 {
 #define PROMISE(t, n, q, bound)
-#define FRESNEL(t, k, bound)                                                    \
-    if (tier == FACET_##t && kind == FACET_FRESNEL_##k) return bound;
+#define SAMPLE(t, n, added)
+#define FRESNEL(t, k, own, added)                                               \
+    if (tier == FACET_##t && kind == FACET_FRESNEL_##k) return alone ? own : added;
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
+#undef SAMPLE
+#undef ALL_QUANTITIES
+    return NAN;
+}
+
+static double base_sample_bound(facet_tier tier, facet_ndf ndf)
+{
+#define PROMISE(t, n, q, bound)
+#define FRESNEL(t, k, own, added)
+#define SAMPLE(t, n, added)                                                     \
+    if (tier == FACET_##t && ndf == FACET_##n) return added;
+#include "accuracy.def"
+#undef PROMISE
+#undef FRESNEL
+#undef SAMPLE
     return NAN;
 }
 
 #define DOUBLE_ROUNDING 0x1p-53
+#define FLOAT_ROUNDING 0x1p-24
 
 /*
  * Next to a node where a Fresnel table is 0, c counts as no closer to the node
@@ -38,10 +57,21 @@ static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind)
  */
 #define FRESNEL_FLOOR 1e-12
 
-/* Rounding of the linear forms of surface.h, relative to their terms: double for fast, double-double else. */
+/* Half a unit in the last place of what a tier forms and adds terms in: precise in pairs of doubles. */
+static double rounding_of(facet_tier tier)
+{
+    switch (tier) {
+    case FACET_DRAFT:
+    case FACET_FAST: return FLOAT_ROUNDING;
+    case FACET_EXACT32: return DOUBLE_ROUNDING;
+    default: return 2 * DOUBLE_ROUNDING * DOUBLE_ROUNDING;
+    }
+}
+
+/* Rounding of the linear forms of surface.h, relative to their terms. */
 static double form_rounding(facet_tier tier)
 {
-    return tier == FACET_FAST ? 4 * DOUBLE_ROUNDING : 8 * DOUBLE_ROUNDING * DOUBLE_ROUNDING;
+    return 4 * rounding_of(tier);
 }
 
 /*
@@ -90,16 +120,29 @@ static double table_steepness(const struct kernel_fresnel *f)
     return worst;
 }
 
+/* The largest |dF/dc| / F: what an error of c makes of Schlick's F, whose (1 - c)^5 counts where it passes F0. */
+static double schlick_steepness(double f0)
+{
+    return 3.04 / pow(fmax(f0, 1e-45), 0.2); /* 5 v^4 / (f0 + v^5) at v^5 = 4 f0 */
+}
+
+/* The largest (1 - v) 5 v^4 / (f0 + v^5): the same of a relative error of c. */
+static double schlick_condition(double f0)
+{
+    double worst = 0;
+    for (double v = 1; v > 1e-9; v *= 0.97) worst = fmax(worst, (1 - v) * 5 / (fmax(f0, 1e-45) / pow(v, 4) + v));
+    return worst;
+}
+
 /*
- * What a Fresnel term's own constants make of an error in its angle (angle: of
- * 1 - c or c^2 as the kernels form it).  (1 - c)^5 counts where it passes F0 and
- * FACET_FLOOR; below eta = 1, F leaves 1 like a square root.
+ * What a Fresnel term's own constants make of an error in its angle: of c or
+ * c^2, relative.  Below eta = 1, F leaves 1 like a square root.
  */
 static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresnel_kind kind, double angle,
                                     double input_error)
 {
     switch (kind) {
-    case FACET_FRESNEL_SCHLICK: return 5 * (angle + input_error) / pow(fmax(f->f0, 1e-45), 0.2);
+    case FACET_FRESNEL_SCHLICK: return angle * schlick_condition(f->f0) + input_error * schlick_steepness(f->f0);
     case FACET_FRESNEL_DIELECTRIC:
     case FACET_FRESNEL_CONDUCTOR:
         return f->excess < 0 ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta * f->eta, f->k)) : 8 * input_error;
@@ -108,20 +151,23 @@ static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresne
     }
 }
 
-static double fresnel_bound(const facet_brdf *b, facet_tier tier, double input_error)
+static double fresnel_bound(const facet_brdf *b, facet_tier tier, bool alone, double input_error)
 {
+    /* Relative errors of c by tier: draft refines this one root. */
+    static const double cosine_error[FACET_TIER_COUNT] = { 2.4e-7, 1.8e-7, 4e-13, 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING };
     facet_fresnel_kind kind = b->material.fresnel.kind;
-    double angle = 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING, worst = 0;
+    bool takes_cosine = kind == FACET_FRESNEL_SCHLICK || kind == FACET_FRESNEL_TABLE;
+    double angle = takes_cosine ? cosine_error[tier] : 2 * rounding_of(tier), worst = 0;
     for (size_t c = 0; c < b->channels; c++)
         worst = fmax(worst, fresnel_channel_bound(&b->fresnel[c], kind, angle, input_error));
-    return base_fresnel_bound(tier, kind) + worst;
+    return base_fresnel_bound(tier, kind, alone) + worst;
 }
 
 /*
  * Where floats are enough.  G and G1 of a sheared surface, and the thesis's
  * forms, divide by a sigma that underflows.
  */
-static bool fast_domain(const facet_brdf *b, facet_quantity quantity)
+static bool float_domain(const facet_brdf *b, facet_quantity quantity)
 {
     bool divides = quantity == FACET_G || quantity == FACET_G1_I || quantity == FACET_G1_O;
     if (b->masking == KERNEL_SMITH_THESIS || b->masking == KERNEL_UNCORRELATED_THESIS) return false;
@@ -132,7 +178,8 @@ static bool fast_domain(const facet_brdf *b, facet_quantity quantity)
 static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
 {
     double gain = slope_gain(b->material.ndf);
-    double general = b->shape == KERNEL_ISO ? 1 : 2;
+    /* In precise what the map adds is in the rows. */
+    double general = b->shape == KERNEL_ISO || tier == FACET_PRECISE ? 1 : 2;
     return base * general + gain * form_rounding(tier) * form_condition(b) +
            (input_error > 0 ? gain * input_error * input_condition(b) : 0);
 }
@@ -142,13 +189,21 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
 {
     *bound = INFINITY;
     if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT) return false;
-    if (tier == FACET_FAST && !fast_domain(b, quantity)) return false;
+    if (tier < FACET_EXACT32 && !float_domain(b, quantity)) return false;
     double base = base_bound(tier, b->material.ndf, quantity);
     double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error);
     if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)
-        value += fresnel_bound(b, tier, input_error);
+        value += fresnel_bound(b, tier, quantity == FACET_F, input_error);
     *bound = value;
     return isfinite(value);
+}
+
+bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quantity, double input_error,
+                       double *bound)
+{
+    if (!facet_bound(b, tier, quantity, input_error, bound)) return false;
+    if (tier >= FACET_EXACT32) *bound += FLOAT_ROUNDING * (1 + *bound);
+    return true;
 }
 
 /*
@@ -159,9 +214,9 @@ static double caps_stretch(const facet_brdf *b, facet_tier tier)
 {
     if (b->material.ndf != FACET_GGX || b->shape == KERNEL_ISO) return 0;
     facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
-    double rounding = tier == FACET_FAST ? 0x1p-24 : DOUBLE_ROUNDING;
+    static const double rounding[FACET_TIER_COUNT] = { 0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53 }; /* of roots and quotients */
     double lean = fabs(b->surface.slope_x) + fabs(b->surface.slope_y);
-    return 8 * rounding * (e.alpha_1 + lean) / e.alpha_2;
+    return 8 * rounding[tier] * (e.alpha_1 + lean) / e.alpha_2;
 }
 
 bool facet_sample_bound(const facet_brdf *b, facet_tier tier, double input_error, double *bound)
@@ -172,6 +227,6 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, double input_error
     if (!facet_bound(b, tier, FACET_PDF, input_error, &pdf) ||
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
-    *bound = 8 * fmax(pdf, weight) + caps_stretch(b, tier);
+    *bound = base_sample_bound(tier, b->material.ndf) + 8 * fmax(pdf, weight) + caps_stretch(b, tier);
     return true;
 }

@@ -50,31 +50,69 @@ static facet_status check(const facet_material *m)
     return m->shear == FACET_THESIS && !smith ? FACET_UNSUPPORTED : FACET_OK;
 }
 
-static struct kernel_surface prepare(const facet_material *m)
+/* Unevaluated sums: Beckmann's exponent magnifies what a parameter lacks (Dekker 1971). */
+struct pair {
+    double hi, lo;
+};
+
+static struct pair sum(double a, double b)
 {
-    const facet_roughness *r = &m->roughness;
-    double kappa = sqrt((1 - r->rho) * (1 + r->rho)), product = r->rho * r->alpha_y;
-    double det = r->alpha_x * r->alpha_y * kappa;
-    return (struct kernel_surface){
-        .alpha_x = r->alpha_x,
-        .alpha_y = r->alpha_y,
-        .rho = r->rho,
-        .kappa = kappa,
-        .rho_alpha_y = product,
-        .rho_alpha_y_low = fma(r->rho, r->alpha_y, -product),
-        .kappa_alpha_y = kappa * r->alpha_y,
-        .det = det,
-        .root_det = sqrt(det),
-        .slope_x = r->slope_x,
-        .slope_y = r->slope_y,
-        .table = m->ndf == FACET_TABULATED ? &m->table->view : NULL,
-    };
+    double s = a + b, t = s - a;
+    return (struct pair){ s, (a - (s - t)) + (b - t) };
+}
+
+static struct pair product(struct pair a, struct pair b)
+{
+    double p = a.hi * b.hi, rest = fma(a.hi, b.hi, -p) + (a.hi * b.lo + a.lo * b.hi);
+    return sum(p, rest);
+}
+
+static struct pair square_root(struct pair a)
+{
+    double s = sqrt(a.hi);
+    return sum(s, (fma(-s, s, a.hi) + a.lo) / (2 * s));
 }
 
 static enum kernel_shape shape_of(const facet_roughness *r)
 {
     if (r->slope_x != 0 || r->slope_y != 0) return KERNEL_SHEARED;
     return r->alpha_x == r->alpha_y && r->rho == 0 ? KERNEL_ISO : KERNEL_CENTRAL;
+}
+
+static struct kernel_surface prepare(const facet_material *m)
+{
+    const facet_roughness *r = &m->roughness;
+    const long double pi = 3.14159265358979323846264338327950288L;
+    struct pair alpha_x = { r->alpha_x, 0 }, alpha_y = { r->alpha_y, 0 }, rho = { r->rho, 0 };
+    struct pair kappa = square_root(product(sum(1, -r->rho), sum(1, r->rho)));
+    struct pair correlated = product(rho, alpha_y), conditional = product(kappa, alpha_y);
+    struct pair det = product(alpha_x, conditional);
+    /* Rounded once each: D has their fourth power. */
+    long double whole = (long double)det.hi + det.lo, weight = sqrtl(sqrtl(pi * whole));
+    return (struct kernel_surface){
+        .alpha_x = r->alpha_x,
+        .alpha_y = r->alpha_y,
+        .rho = r->rho,
+        .kappa = kappa.hi,
+        .rho_alpha_y = correlated.hi,
+        .rho_alpha_y_low = correlated.lo,
+        .kappa_alpha_y = conditional.hi,
+        .kappa_alpha_y_low = conditional.lo,
+        .det = det.hi,
+        .det_low = det.lo,
+        .root_det = (double)sqrtl(whole),
+        .peak = (double)(1 / (pi * whole)),
+        .weight = (double)weight,
+        .weight_x = (double)(weight / r->alpha_x),
+        .weight_y = (double)(weight / whole),
+        .inverse_weight2 = (double)(1 / (weight * weight)),
+        .inverse_alpha2 = 1 / (r->alpha_x * r->alpha_x),
+        .iso_flat = (double)(weight * weight / r->alpha_x / r->alpha_x),
+        .iso_tall = (double)(weight * weight),
+        .slope_x = r->slope_x,
+        .slope_y = r->slope_y,
+        .table = m->ndf == FACET_TABULATED ? &m->table->view : NULL,
+    };
 }
 
 /* On a central surface both shear forms are the same, and the energy-safe one is the stable one. */

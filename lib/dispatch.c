@@ -1,5 +1,5 @@
 /*
- * dispatch.c - the compiled (tier, isa) tables and the processor they meet.
+ * dispatch.c - the compiled (tier, io, isa) tables and the processor they meet.
  *
  * FACET_ISAS comes from the Makefile, cheapest first: ISA(base) ISA(avx2) ...
  */
@@ -9,17 +9,29 @@
 #include <string.h>
 
 #define ISA(name)                                                               \
-    extern const struct facet_kernels facet_kernels_fast_##name;                \
-    extern const struct facet_kernels facet_kernels_precise_##name;
+    extern const struct facet_kernels facet_kernels_draft_float_##name;         \
+    extern const struct facet_kernels facet_kernels_draft_double_##name;        \
+    extern const struct facet_kernels facet_kernels_fast_float_##name;          \
+    extern const struct facet_kernels facet_kernels_fast_double_##name;         \
+    extern const struct facet_kernels facet_kernels_exact32_float_##name;       \
+    extern const struct facet_kernels facet_kernels_exact32_double_##name;      \
+    extern const struct facet_kernels facet_kernels_precise_double_##name;
 FACET_ISAS
 #undef ISA
 
 static const struct isa {
     const char *name;
-    const struct facet_kernels *kernels[FACET_TIER_COUNT];
+    const struct facet_kernels *kernels[FACET_TIER_COUNT][KERNEL_IO_COUNT];
 } isas[] = {
 #define ISA(name)                                                               \
-    { #name, { [FACET_FAST] = &facet_kernels_fast_##name, [FACET_PRECISE] = &facet_kernels_precise_##name } },
+    { #name, {                                                                  \
+        [FACET_DRAFT] = { [KERNEL_FLOAT] = &facet_kernels_draft_float_##name,   \
+                          [KERNEL_DOUBLE] = &facet_kernels_draft_double_##name }, \
+        [FACET_FAST] = { [KERNEL_FLOAT] = &facet_kernels_fast_float_##name,     \
+                         [KERNEL_DOUBLE] = &facet_kernels_fast_double_##name }, \
+        [FACET_EXACT32] = { [KERNEL_FLOAT] = &facet_kernels_exact32_float_##name, \
+                            [KERNEL_DOUBLE] = &facet_kernels_exact32_double_##name }, \
+        [FACET_PRECISE] = { [KERNEL_DOUBLE] = &facet_kernels_precise_double_##name } } },
     FACET_ISAS
 #undef ISA
 };
@@ -58,9 +70,9 @@ static const struct isa *current_isa(void)
     return &isas[i];
 }
 
-const struct facet_kernels *facet_kernels_for(facet_tier tier)
+const struct facet_kernels *facet_kernels_for(facet_tier tier, enum kernel_io io)
 {
-    return current_isa()->kernels[tier];
+    return current_isa()->kernels[tier][io];
 }
 
 const char *facet_isa(void)

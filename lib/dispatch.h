@@ -4,6 +4,10 @@
 
 #include "kernel/kernels.h"
 
-const struct facet_kernels *facet_kernels_for(facet_tier tier);
+/* The element type of a kernel's arrays. */
+enum kernel_io { KERNEL_FLOAT, KERNEL_DOUBLE, KERNEL_IO_COUNT };
+
+/* NULL where the tier has no kernels for that type. */
+const struct facet_kernels *facet_kernels_for(facet_tier tier, enum kernel_io io);
 
 #endif

@@ -1,18 +1,20 @@
 /*
- * eval.c - batches: one kernel loop per quantity asked for, in blocks that stay
- * in the first-level cache, colour applied last.
+ * eval.c - batches of evaluations: one kernel loop per quantity asked for, in
+ * blocks; whole vectors of the kernels' own type in place, the rest converted;
+ * strays once more in precise.
  */
-#include "brdf.h"
-#include "dispatch.h"
+#include "batch.h"
 
 #include <math.h>
-
-enum { BLOCK = 512 };
 
 static kernel_eval_fn *find_loop(const facet_brdf *b, const struct facet_kernels *kernels,
                                  enum kernel_quantity quantity)
 {
-    if (b->material.ndf == FACET_TABULATED) kernels = kernels->base;
+    if (quantity == KERNEL_FR && b->masking == KERNEL_SMITH && b->channels == 1) {
+        kernel_eval_fn *own = kernels->fr_achromatic[b->material.ndf][b->shape][b->material.fresnel.kind];
+        if (own) return own;
+    }
+    if (quantity == KERNEL_F) return kernels->eval[KERNEL_F][FACET_GGX][KERNEL_ISO][KERNEL_SMITH];
     kernel_eval_fn *const(*shapes)[KERNEL_MASKING_COUNT] = kernels->eval[quantity][b->material.ndf];
     kernel_eval_fn *loop = shapes[b->shape][b->masking];
     if (!loop) loop = shapes[KERNEL_SHEARED][b->masking];
@@ -21,142 +23,156 @@ static kernel_eval_fn *find_loop(const facet_brdf *b, const struct facet_kernels
     return loop ? loop : shapes[KERNEL_SHEARED][KERNEL_SMITH];
 }
 
-static const int kernel_quantity_of[FACET_QUANTITY_COUNT] = {
-    [FACET_FR] = KERNEL_FR,     [FACET_FR_COS] = KERNEL_FR_COS, [FACET_PDF] = KERNEL_PDF,
-    [FACET_D] = KERNEL_D,       [FACET_D_VIS] = KERNEL_D_VIS,   [FACET_G] = KERNEL_G,
-    [FACET_G1_I] = KERNEL_G1_I, [FACET_G1_O] = KERNEL_G1_O,     [FACET_F] = -1,
-    [FACET_SIGMA_O] = KERNEL_SIGMA_O,
-};
-
-static bool is_coloured(facet_quantity quantity)
+static size_t columns_of(const facet_brdf *b, int quantity)
 {
-    static const bool coloured[FACET_QUANTITY_COUNT] = {
-#define QUANTITY(id, name, coloured, doc) [FACET_##id] = coloured,
+    static const bool coloured[KERNEL_QUANTITY_COUNT] = {
+#define QUANTITY(id, name, coloured, doc) [KERNEL_##id] = coloured,
 #include "quantities.def"
 #undef QUANTITY
+        [KERNEL_WEIGHT] = true,
     };
-    return coloured[quantity];
+    return coloured[quantity] ? b->channels : 1;
 }
 
-struct block {
-    const facet_brdf *brdf;
-    const struct facet_kernels *kernels;
-    struct kernel_pairs pairs;
-    size_t n;
-    bool has_angle;
-    double angle[BLOCK], angle_low[BLOCK], scalar[BLOCK];
-};
-
-/* Computed once per block, if at all. */
-static const double *angle_of(struct block *k)
+static struct kernel_job job_of(const facet_brdf *b)
 {
-    if (!k->has_angle) {
-        k->kernels->angle[k->brdf->material.fresnel.kind](&k->pairs, k->n, k->angle, k->angle_low);
-        k->has_angle = true;
+    return (struct kernel_job){ .kind = b->material.fresnel.kind, .channels = b->channels, .fresnel = b->fresnel };
+}
+
+/* Elements start .. start + n - 1 of a quantity: those without a number again, in precise. */
+static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n);
+
+/* Runs one quantity over n (whole vectors) and says whether there were strays. */
+static bool run(const struct batch *batch, const struct facet_kernels *kernels, const struct kernel_job *job,
+                int quantity, size_t n)
+{
+    const facet_brdf *b = batch->brdf;
+    return find_loop(b, kernels, (enum kernel_quantity)quantity)(&b->surface, job, n);
+}
+
+/* fr and pdf in one pass: what a renderer asks for. */
+static kernel_eval_fn *joint_loop(const struct batch *batch, const struct facet_kernels *kernels)
+{
+    const facet_brdf *b = batch->brdf;
+    if (!batch->out[KERNEL_FR][0].data || !batch->out[KERNEL_PDF][0].data || b->masking != KERNEL_SMITH) return NULL;
+    return kernels->fr_pdf[b->material.ndf][b->shape];
+}
+
+/* A block of whole vectors in the kernels' own type. */
+static void run_in_place(const struct batch *batch, const struct facet_kernels *kernels, size_t start, size_t n)
+{
+    struct kernel_job job = job_of(batch->brdf);
+    for (int j = 0; j < 3; j++) {
+        job.wi[j] = facet_array_at(batch->wi[j], start).data;
+        job.wo[j] = facet_array_at(batch->wo[j], start).data;
     }
-    return k->angle;
+    for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++)
+        for (size_t c = 0; c < columns_of(batch->brdf, q); c++)
+            job.out[q][c] = facet_array_at(batch->out[q][c], start).data;
+    kernel_eval_fn *joint = joint_loop(batch, kernels);
+    if (joint && joint(&batch->brdf->surface, &job, n)) {
+        redo_strays(batch, KERNEL_FR, start, n);
+        redo_strays(batch, KERNEL_PDF, start, n);
+    }
+    for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++) {
+        if (!batch->out[q][0].data || (joint && (q == KERNEL_FR || q == KERNEL_PDF))) continue;
+        if (run(batch, kernels, &job, q, n)) redo_strays(batch, q, start, n);
+    }
 }
 
-/* out[c] = F_c factor for every channel; factor NULL is 1. */
-static void colour(struct block *k, const double *factor, double *const out[3], size_t offset)
+/* A block of any length, through arrays of the kernels' type. */
+static void run_staged(const struct batch *batch, const struct facet_kernels *kernels, enum kernel_io io,
+                       size_t start, size_t n)
 {
-    const facet_brdf *b = k->brdf;
-    kernel_fresnel_fn *fresnel = k->kernels->fresnel[b->material.fresnel.kind];
-    for (size_t c = 0; c < b->channels; c++) {
-        if (!out[c]) continue;
-        if (fresnel) {
-            fresnel(&b->fresnel[c], angle_of(k), k->angle_low, factor, k->n, out[c] + offset);
+    double in[6][BLOCK], results[3][BLOCK];
+    struct kernel_job job = job_of(batch->brdf);
+    for (int j = 0; j < 3; j++) { /* padding: both directions at the pole */
+        job.wi[j] = facet_stage(facet_array_at(batch->wi[j], start), io, n, j == 2, in[j]);
+        job.wo[j] = facet_stage(facet_array_at(batch->wo[j], start), io, n, j == 2, in[3 + j]);
+    }
+    for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++) {
+        if (!batch->out[q][0].data) continue;
+        for (int c = 0; c < 3; c++) job.out[q][c] = batch->out[q][c].data ? results[c] : NULL;
+        bool strays = run(batch, kernels, &job, q, facet_padded(n));
+        for (size_t c = 0; c < columns_of(batch->brdf, q); c++)
+            facet_unstage(results[c], io, n, facet_array_at(batch->out[q][c], start));
+        if (strays) redo_strays(batch, q, start, n);
+    }
+}
+
+facet_tier facet_batch_tier(const facet_brdf *b, facet_tier tier)
+{
+    if (b->material.ndf == FACET_TABULATED) return FACET_PRECISE;
+    return tier < FACET_EXACT32 && !b->floats_hold ? FACET_EXACT32 : tier;
+}
+
+void facet_batch_run(const struct batch *batch, size_t n)
+{
+    enum kernel_io io;
+    facet_tier tier = facet_batch_tier(batch->brdf, batch->tier);
+    const struct facet_kernels *kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io);
+    for (size_t start = 0; start < n;) {
+        size_t size = n - start < BLOCK ? n - start : BLOCK;
+        if (io == batch->wi[0].io && size >= KERNEL_LANES) {
+            size -= size % KERNEL_LANES;
+            run_in_place(batch, kernels, start, size);
         } else {
-            for (size_t i = 0; i < k->n; i++) out[c][offset + i] = factor ? factor[i] : 1;
+            run_staged(batch, kernels, io, start, size);
         }
+        start += size;
     }
 }
 
-static bool achromatic_ideal(const facet_brdf *b)
+/* One stray after the other into arrays of doubles, and their results back. */
+static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n)
 {
-    return b->material.fresnel.kind == FACET_FRESNEL_IDEAL && b->channels == 1;
-}
-
-static void eval_quantity(struct block *k, facet_quantity q, double *const out[3], size_t offset)
-{
-    if (q == FACET_F) {
-        colour(k, NULL, out, offset);
-        return;
+    double in[6][BLOCK], out[3][BLOCK];
+    size_t at[BLOCK], count = 0;
+    const struct array *columns = batch->out[quantity];
+    for (size_t k = start; k < start + n; k++) {
+        bool stray = false;
+        for (int c = 0; c < 3; c++) stray |= columns[c].data && isnan(facet_array_get(columns[c], k));
+        if (!stray) continue;
+        for (int j = 0; j < 3; j++) {
+            in[j][count] = facet_array_get(batch->wi[j], k);
+            in[3 + j][count] = facet_array_get(batch->wo[j], k);
+        }
+        at[count++] = k;
     }
-    kernel_eval_fn *loop = find_loop(k->brdf, k->kernels, (enum kernel_quantity)kernel_quantity_of[q]);
-    if (!is_coloured(q) || achromatic_ideal(k->brdf)) {
-        loop(&k->brdf->surface, &k->pairs, k->n, out[0] + offset);
-        return;
+    struct batch again = { .brdf = batch->brdf, .tier = FACET_PRECISE };
+    for (int j = 0; j < 3; j++) {
+        again.wi[j] = (struct array){ in[j], KERNEL_DOUBLE };
+        again.wo[j] = (struct array){ in[3 + j], KERNEL_DOUBLE };
+        if (columns[j].data) again.out[quantity][j] = (struct array){ out[j], KERNEL_DOUBLE };
     }
-    loop(&k->brdf->surface, &k->pairs, k->n, k->scalar);
-    colour(k, k->scalar, out, offset);
-}
-
-static facet_vec3_in shift(facet_vec3_in v, size_t offset)
-{
-    return (facet_vec3_in){ v.x + offset, v.y + offset, v.z + offset };
-}
-
-static void eval_block(struct block *k, const facet_outputs *outputs, size_t offset)
-{
-    k->has_angle = false;
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        if (outputs->of[q][0]) eval_quantity(k, (facet_quantity)q, outputs->of[q], offset);
-}
-
-/*
- * Floats lose products of cosines below the first and powers of |H| below the
- * second: such pairs are done again by the precise kernels, so that the promise
- * of FAST holds for every direction.
- */
-#define FAST_COSINE_MIN 0x1p-28
-#define FAST_HALF_MIN 0x1p-20
-
-static int grazes(double zi, double zo)
-{
-    return ((fabs(zi) < FAST_COSINE_MIN) & (zi != 0)) | ((fabs(zo) < FAST_COSINE_MIN) & (zo != 0)) |
-           (fabs(zi + zo) < FAST_HALF_MIN);
-}
-
-static bool any_grazes(const struct kernel_pairs *pairs, size_t n)
-{
-    size_t count = 0;
-    for (size_t i = 0; i < n; i++) count += grazes(pairs->wi.z[i], pairs->wo.z[i]);
-    return count > 0;
-}
-
-typedef void block_fn(struct block *block, const facet_outputs *outputs, size_t offset);
-
-/* One block in its tier; fast and grazing pairs once more. */
-static void run_block(struct block *k, facet_tier tier, block_fn *run, const facet_outputs *outputs,
-                      size_t offset)
-{
-    if (!k->brdf->floats_hold) tier = FACET_PRECISE;
-    k->kernels = facet_kernels_for(tier);
-    run(k, outputs, offset);
-    if (tier != FACET_FAST || !any_grazes(&k->pairs, k->n)) return;
-    const struct kernel_pairs pairs = k->pairs;
-    const size_t n = k->n;
-    k->kernels = facet_kernels_for(FACET_PRECISE);
-    k->n = 1;
-    for (size_t i = 0; i < n; i++) {
-        if (!grazes(pairs.wi.z[i], pairs.wo.z[i])) continue;
-        k->pairs = (struct kernel_pairs){ shift(pairs.wi, i), shift(pairs.wo, i) };
-        run(k, outputs, offset + i);
-    }
+    facet_batch_run(&again, count);
+    for (int c = 0; c < 3; c++)
+        for (size_t k = 0; columns[c].data && k < count; k++) facet_array_put(columns[c], at[k], out[c][k]);
 }
 
 facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
                         size_t n, const facet_outputs *outputs)
 {
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    struct block k;
-    k.brdf = brdf;
-    for (size_t start = 0; start < n; start += BLOCK) {
-        k.n = n - start < BLOCK ? n - start : BLOCK;
-        k.pairs = (struct kernel_pairs){ shift(wi, start), shift(wo, start) };
-        run_block(&k, tier, eval_block, outputs, start);
-    }
+    struct batch batch = { .brdf = brdf, .tier = tier,
+                           .wi = { facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z) },
+                           .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) } };
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        for (int c = 0; c < 3; c++) batch.out[q][c] = facet_doubles(outputs->of[q][c]);
+    facet_batch_run(&batch, n);
+    return FACET_OK;
+}
+
+facet_status facet_eval_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wi,
+                              facet_vec3_in_float wo, size_t n, const facet_outputs_float *outputs)
+{
+    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    struct batch batch = { .brdf = brdf, .tier = tier,
+                           .wi = { facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z) },
+                           .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) } };
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        for (int c = 0; c < 3; c++) batch.out[q][c] = facet_floats(outputs->of[q][c]);
+    facet_batch_run(&batch, n);
     return FACET_OK;
 }
 
@@ -165,13 +181,14 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
 {
     *condition = 1;
     if (brdf->masking != KERNEL_SMITH_THESIS && brdf->masking != KERNEL_UNCORRELATED_THESIS) return FACET_OK;
-    const struct facet_kernels *kernels = facet_kernels_for(FACET_PRECISE);
-    kernel_eval_fn *loop = find_loop(brdf, kernels, KERNEL_CONDITION);
     double out[BLOCK];
     for (size_t start = 0; start < n; start += BLOCK) {
         size_t size = n - start < BLOCK ? n - start : BLOCK;
-        struct kernel_pairs pairs = { shift(wi, start), shift(wo, start) };
-        loop(&brdf->surface, &pairs, size, out);
+        struct batch batch = { .brdf = brdf, .tier = FACET_PRECISE,
+                               .wi = { facet_doubles(wi.x + start), facet_doubles(wi.y + start), facet_doubles(wi.z + start) },
+                               .wo = { facet_doubles(wo.x + start), facet_doubles(wo.y + start), facet_doubles(wo.z + start) } };
+        batch.out[KERNEL_CONDITION][0] = facet_doubles(out);
+        facet_batch_run(&batch, size);
         for (size_t i = 0; i < size; i++) *condition = fmax(*condition, out[i]);
     }
     return FACET_OK;
@@ -193,63 +210,4 @@ double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in w
         if (!exact_z || wi.z[i] * wo.z[i] < 0) least = fmin(least, fabs(z));
     }
     return least > 0 ? 1 / least : INFINITY;
-}
-
-/*
- * outputs->of[FACET_FR] holds the weights.  The weight is that of the wi handed
- * out: whoever evaluates there finds the same number.
- */
-static void weigh_block(struct block *k, const facet_outputs *outputs, size_t offset)
-{
-    double *const *weight = outputs->of[FACET_FR];
-    k->has_angle = false;
-    kernel_eval_fn *loop = find_loop(k->brdf, k->kernels, KERNEL_WEIGHT);
-    if (achromatic_ideal(k->brdf)) {
-        loop(&k->brdf->surface, &k->pairs, k->n, weight[0] + offset);
-        return;
-    }
-    loop(&k->brdf->surface, &k->pairs, k->n, k->scalar);
-    colour(k, k->scalar, weight, offset);
-}
-
-/* NULL: this ndf has no sampler.  One that a tier does not have runs in the next. */
-static kernel_sample_fn *sample_loop(const facet_brdf *b, facet_tier tier)
-{
-    kernel_sample_fn *loop = NULL;
-    if (!b->floats_hold) tier = FACET_PRECISE;
-    for (int t = (int)tier; !loop && t < FACET_TIER_COUNT; t++)
-        loop = facet_kernels_for((facet_tier)t)->sample[b->material.ndf];
-    return loop;
-}
-
-/* Where the samples of one block go; what nobody asked for but the loop writes goes to scratch. */
-static void draw(struct block *k, facet_tier tier, kernel_sample_fn *sample, const double *u1,
-                 const double *u2, const facet_samples *out, size_t offset)
-{
-    double scratch[4][BLOCK];
-    facet_vec3_out wi = { out->wi.x + offset, out->wi.y + offset, out->wi.z + offset };
-    facet_vec3_out h = { scratch[0], scratch[1], scratch[2] };
-    double *pdf = out->pdf ? out->pdf + offset : out->h.x ? scratch[3] : NULL;
-    if (out->h.x) h = (facet_vec3_out){ out->h.x + offset, out->h.y + offset, out->h.z + offset };
-    sample(&k->brdf->surface, k->pairs.wo, u1 + offset, u2 + offset, k->n, wi, h, pdf);
-    if (!out->weight[0]) return;
-    facet_outputs weights = { .of[FACET_FR] = { out->weight[0], out->weight[1], out->weight[2] } };
-    k->pairs.wi = (facet_vec3_in){ wi.x, wi.y, wi.z };
-    run_block(k, tier, weigh_block, &weights, offset);
-}
-
-facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
-                          const double *u2, size_t n, const facet_samples *out)
-{
-    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    struct block k;
-    k.brdf = brdf;
-    kernel_sample_fn *sample = sample_loop(brdf, tier);
-    if (!sample) return FACET_UNSUPPORTED;
-    for (size_t start = 0; start < n; start += BLOCK) {
-        k.n = n - start < BLOCK ? n - start : BLOCK;
-        k.pairs.wo = shift(wo, start);
-        draw(&k, tier, sample, u1, u2, out, start);
-    }
-    return FACET_OK;
 }

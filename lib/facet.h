@@ -10,7 +10,8 @@
  * renormalised: that makes "exact" well defined.  lib/NOTATION.md maps every
  * symbol to its equation and its seed.
  *
- * Batches are structures of arrays of n doubles.  A batch call checks its
+ * Batches are structures of arrays of n doubles, or of n floats in the calls
+ * whose names end in _float.  A batch call checks its
  * scalar arguments once and returns a status; its elements cannot fail.
  * Outputs must not overlap inputs.  Batch calls never allocate.
  *
@@ -160,7 +161,13 @@ void facet_brdf_destroy(facet_brdf *brdf); /* NULL is allowed */
  * A tier is a promise about error, not an algorithm.  lib/accuracy.def holds
  * the promises, cheapest tier first; tests enforce them.
  */
-typedef enum facet_tier { FACET_FAST, FACET_PRECISE, FACET_TIER_COUNT } facet_tier;
+typedef enum facet_tier {
+    FACET_DRAFT,   /* float, estimates of quotients and roots as the processor gives them */
+    FACET_FAST,    /* float */
+    FACET_EXACT32, /* double inside, so that rounding a result to float is all its error */
+    FACET_PRECISE, /* double, compensated where terms cancel */
+    FACET_TIER_COUNT
+} facet_tier;
 
 /* The quantities of lib/quantities.def, in its order. */
 typedef enum facet_quantity {
@@ -184,6 +191,10 @@ typedef enum facet_quantity {
  */
 bool facet_bound(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity,
                  double input_error, double *bound);
+
+/* The same for facet_eval_float, which hands out floats. */
+bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity,
+                       double input_error, double *bound);
 
 /*
  * The same for facet_sample: pdf relative as above; the components of wi and h
@@ -229,6 +240,25 @@ facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in w
                         size_t n, const facet_outputs *outputs);
 
 /*
+ * The same on floats, which the float tiers take as they are.  A result beyond
+ * FLT_MAX saturates there.
+ */
+typedef struct facet_vec3_in_float {
+    const float *x, *y, *z;
+} facet_vec3_in_float;
+
+typedef struct facet_vec3_out_float {
+    float *x, *y, *z;
+} facet_vec3_out_float;
+
+typedef struct facet_outputs_float {
+    float *of[FACET_QUANTITY_COUNT][3];
+} facet_outputs_float;
+
+facet_status facet_eval_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wi,
+                              facet_vec3_in_float wo, size_t n, const facet_outputs_float *outputs);
+
+/*
  * With shear THESIS the denominator of fr cancels or underflows: the largest
  * sum-of-magnitudes / |denominator| over these pairs, by which the bound of
  * fr, fr_cos and G grows; beyond 1e300 where nothing is left of a sigma.  1 for
@@ -265,6 +295,18 @@ typedef struct facet_samples {
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo,
                           const double *u1, const double *u2, size_t n,
                           const facet_samples *samples);
+
+/* The same on floats. */
+typedef struct facet_samples_float {
+    facet_vec3_out_float wi;
+    facet_vec3_out_float h;
+    float *weight[3];
+    float *pdf;
+} facet_samples_float;
+
+facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wo,
+                                const float *u1, const float *u2, size_t n,
+                                const facet_samples_float *samples);
 
 /* ---- Long work ------------------------------------------------------------------ */
 

@@ -12,6 +12,6 @@ const char *facet_status_text(facet_status status)
 
 const char *facet_tier_name(facet_tier tier)
 {
-    static const char *const names[FACET_TIER_COUNT] = { [FACET_FAST] = "fast", [FACET_PRECISE] = "precise" };
+    static const char *const names[FACET_TIER_COUNT] = { [FACET_DRAFT] = "draft", [FACET_FAST] = "fast", [FACET_EXACT32] = "exact32", [FACET_PRECISE] = "precise" };
     return (unsigned)tier < FACET_TIER_COUNT ? names[tier] : NULL;
 }

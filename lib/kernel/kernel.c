@@ -1,9 +1,10 @@
 /*
- * kernel.c - the batch loops, compiled once per (tier, isa).
+ * kernel.c - the batch loops, compiled once per (tier, io, isa).
  *
  * Each loop computes one quantity for one model; what the model lacks (shear,
  * correlation, masking) is gone by constant folding.  A quantity that nobody
- * asked for has no loop running.
+ * asked for has no loop running.  The Fresnel kind is a branch that goes the same
+ * way for a whole batch, but for those kinds that loops.def gives loops of their own.
  */
 #include "kernels.h"
 
@@ -11,157 +12,274 @@
 #include "masking.h"
 #include "sample.h"
 
-#define PASTE(a, b, c, d) a##b##c##d
-#define TABLE_NAME(tier, isa) PASTE(facet_kernels_, tier, _, isa)
+#define TABLE_NAME_(tier, io, isa) facet_kernels_##tier##_##io##_##isa
+#define TABLE_NAME(tier, io, isa) TABLE_NAME_(tier, io, isa)
 
-/* ---- quantities ------------------------------------------------------------------ */
+/* ---- in and out ------------------------------------------------------------------ */
 
-#define EVAL_LOOP(quantity, ndf_, shape_, masking_)                                             \
-    static void quantity##_##ndf_##_##shape_##_##masking_(                                      \
-        const struct kernel_surface *surface, const struct kernel_pairs *p, size_t n,           \
-        double *restrict out)                                                                   \
+INLINE real load_at(const void *array, size_t k)
+{
+    return load((const io *)array + k);
+}
+
+INLINE void store_at(void *array, size_t k, real x)
+{
+    store((io *)array + k, x);
+}
+
+INLINE struct vec3 load_vec3(const void *const v[3], size_t k)
+{
+    return (struct vec3){ load_at(v[0], k), load_at(v[1], k), load_at(v[2], k) };
+}
+
+INLINE void store_vec3(void *const v[3], size_t k, struct vec3 x)
+{
+    store_at(v[0], k, x.x), store_at(v[1], k, x.y), store_at(v[2], k, x.z);
+}
+
+#if defined(FACET_IO_double) && REAL_IS_FLOAT
+#define ROUNDS_INPUT 1
+
+INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+{
+    struct doubles i[3], o[3];
+    struct given g = { .wi.x = splat(0) };
+    real *rounded[3][3] = { { &g.wi.x, &g.wi.y, &g.wi.z }, { &g.wo.x, &g.wo.y, &g.wo.z }, { &g.sum.x, &g.sum.y, &g.sum.z } };
+    for (int j = 0; j < 3; j++) {
+        i[j] = load_doubles((const io *)job->wi[j] + k);
+        o[j] = load_doubles((const io *)job->wo[j] + k);
+        struct doubles sum = { { i[j].half[0] + o[j].half[0], i[j].half[1] + o[j].half[1] } };
+        *rounded[0][j] = narrow(i[j]), *rounded[1][j] = narrow(o[j]), *rounded[2][j] = narrow(sum);
+    }
+    if (m.shape != KERNEL_SHEARED) return g;
+    g.ci = mean_cosine_of_doubles(s, i[0], i[1], i[2]);
+    g.co = mean_cosine_of_doubles(s, o[0], o[1], o[2]);
+    return g;
+}
+#else
+#define ROUNDS_INPUT 0
+
+INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+{
+    struct given g = { .wi = load_vec3(job->wi, k), .wo = load_vec3(job->wo, k) };
+    g.sum = (struct vec3){ g.wi.x + g.wo.x, g.wi.y + g.wo.y, g.wi.z + g.wo.z };
+    if (m.shape != KERNEL_SHEARED) return g;
+    g.ci = mean_cosine(s, g.wi);
+    g.co = mean_cosine(s, g.wo);
+    return g;
+}
+#endif
+
+/* What every quantity of a pair is made of. */
+struct terms {
+    struct given given;
+    struct direction i, o;
+    struct half h;
+};
+
+INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+{
+    struct terms t = { .given = load_pair(s, m, job, k) };
+    t.i = direction_of(s, m.shape, t.given.wi, t.given.ci);
+    t.o = direction_of(s, m.shape, t.given.wo, t.given.co);
+    t.h = half_of(s, m.shape, &t.given);
+    return t;
+}
+
+/* ---- strays ------------------------------------------------------------------------ */
+
+/*
+ * Pairs beyond the range of a tier's arithmetic, marked by results that are not
+ * numbers: |H| too short for its powers, a result about to overflow, a cosine
+ * lost in float, and what excess_front is not for.  precise has none.
+ */
+#if REAL_IS_FLOAT
+#define SHORTEST2 R(0x1p-20)
+#define LARGEST R(1e37)
+#define LEAST_COSINE 0x1p-28
+#else
+#define SHORTEST2 R(1e-60)
+#define LARGEST R(1e300)
+#define LEAST_COSINE 0x1p-13
+#endif
+
+/* Not a number counts as beyond. */
+INLINE mask stray(struct model m, const struct kernel_surface *s, const struct terms *t, enum kernel_quantity q,
+                  real value)
+{
+    mask good = less(splat(SHORTEST2), t->h.hh) & less(value, splat(LARGEST));
+    /* What was a cosine may have become 0. */
+    if (ROUNDS_INPUT) good &= less(splat(R(1e-37)), real_min(real_abs(t->i.z), real_abs(t->o.z)));
+    if (m.shape == KERNEL_SHEARED) {
+        real c = real_min(real_abs(t->i.c), real_abs(t->o.c));
+        if (REAL_IS_FLOAT) c = real_min(c, real_min(real_abs(t->i.z), real_abs(t->o.z)));
+        good &= less(splat(R(LEAST_COSINE * (1 + __builtin_fabs(s->slope_x) + __builtin_fabs(s->slope_y)))), c);
+        /* v_o^2 > BEHIND_MAX */
+        real behind = real_min(t->o.c, splat(0));
+        if (scales(m)) good &= (mask)~less(BEHIND_MAX * t->o.s2, behind * behind);
+    }
+    bool from_below = q == KERNEL_PDF || q == KERNEL_D_VIS || q == KERNEL_SIGMA_O;
+    if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED)
+        good &= (mask)~less(t->o.z, splat(0));
+    return (mask)~good;
+}
+
+INLINE real marked(mask stray_, real value)
+{
+    return select(stray_, splat(R(__builtin_nan(""))), value);
+}
+
+/* ---- quantities ---------------------------------------------------------------------- */
+
+INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair c2, real versine5)
+{
+    const struct kernel_fresnel *f = &job->fresnel[channel];
+    switch (job->kind) {
+    case FACET_FRESNEL_SCHLICK: return fresnel_schlick(f, versine5);
+    case FACET_FRESNEL_DIELECTRIC: return fresnel_dielectric(f, c2);
+    case FACET_FRESNEL_CONDUCTOR: return fresnel_conductor(f, c2);
+    case FACET_FRESNEL_TABLE: return fresnel_table(f, c2);
+    default: return splat(1);
+    }
+}
+
+/* out[channel] = F_channel value. */
+INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
+                           const struct terms *t, real value)
+{
+    pair c2 = { splat(0), splat(0) };
+    real v5 = splat(0);
+    if (job->kind != FACET_FRESNEL_IDEAL) c2 = angle_squared(&t->given, t->h);
+    if (job->kind == FACET_FRESNEL_SCHLICK) {
+        real v = real_max(angle_versine(t->h, c2), splat(0)), v2 = v * v;
+        v5 = v2 * v2 * v;
+    }
+    for (size_t c = 0; c < job->channels; c++)
+        if (job->out[q][c]) store_at(job->out[q][c], k, value * fresnel_of(job, c, c2, v5));
+}
+
+/* By name and not by a switch over q: what a switch drops has first to be compiled. */
+#define quantity_FR quantity_fr
+#define quantity_FR_COS quantity_fr_cos
+#define quantity_PDF quantity_pdf
+#define quantity_D quantity_d
+#define quantity_D_VIS quantity_d_vis
+#define quantity_G quantity_g
+#define quantity_G1_I quantity_g1_i
+#define quantity_G1_O quantity_g1_o
+#define quantity_F(m, s, i, o, h) splat(1)
+#define quantity_SIGMA_O quantity_sigma_o
+#define quantity_WEIGHT quantity_weight
+#define quantity_CONDITION quantity_condition
+
+#define STORE_PLAIN(q) store_at(own.out[q][0], k, value)
+#define STORE_COLOURED(q) store_coloured(&own, q, k, &t, value)
+#define STORE_FR STORE_COLOURED
+#define STORE_FR_COS STORE_COLOURED
+#define STORE_PDF STORE_PLAIN
+#define STORE_D STORE_PLAIN
+#define STORE_D_VIS STORE_PLAIN
+#define STORE_G STORE_PLAIN
+#define STORE_G1_I STORE_PLAIN
+#define STORE_G1_O STORE_PLAIN
+#define STORE_F STORE_COLOURED
+#define STORE_SIGMA_O STORE_PLAIN
+#define STORE_WEIGHT STORE_COLOURED
+#define STORE_CONDITION STORE_PLAIN
+
+#define ONE_QUANTITY(q)                                                                         \
+    {                                                                                           \
+        real value = quantity_##q(m, &s, t.i, t.o, t.h);                                        \
+        if (!COMPENSATED) {                                                                     \
+            mask out = stray(m, &s, &t, KERNEL_##q, value);                                     \
+            value = marked(out, value);                                                         \
+            some = (mask)(some | out);                                                                        \
+        }                                                                                       \
+        STORE_##q(KERNEL_##q);                                                                  \
+    }
+
+/* The quantities of one loop share what they have in common. */
+#define LOOP(name, ndf_, shape_, masking_, fixed, quantities)                                   \
+    static bool name(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
     {                                                                                           \
         const struct kernel_surface s = *surface;                                               \
+        struct kernel_job own = *job;                                                           \
         const struct model m = { FACET_##ndf_, KERNEL_##shape_, KERNEL_##masking_ };            \
-        const double *restrict ix = p->wi.x, *restrict iy = p->wi.y, *restrict iz = p->wi.z;    \
-        const double *restrict ox = p->wo.x, *restrict oy = p->wo.y, *restrict oz = p->wo.z;    \
-        _Pragma("omp simd") for (size_t k = 0; k < n; k++)                                      \
-        {                                                                                       \
-            struct vec3 wi = { ix[k], iy[k], iz[k] }, wo = { ox[k], oy[k], oz[k] };             \
-            struct direction i = direction_of(&s, m.shape, wi), o = direction_of(&s, m.shape, wo); \
-            out[k] = (double)quantity(m, &s, i, o, half_of(&s, m.shape, wi, wo));               \
+        mask some = less(splat(0), splat(0));                                                   \
+        fixed;                                                                                  \
+        for (size_t k = 0; k < n; k += LANES) {                                                 \
+            struct terms t = load_terms(&s, m, &own, k);                                        \
+            quantities                                                                          \
         }                                                                                       \
+        return any(some);                                                                       \
     }
 
+#define EVAL_LOOP(q, ndf, shape, masking)                                                       \
+    LOOP(q##_##ndf##_##shape##_##masking, ndf, shape, masking, (void)0, ONE_QUANTITY(q))
+/* One channel and a Fresnel kind known in advance. */
+#define FRESNEL_LOOP(q, ndf, shape, kind_)                                                      \
+    LOOP(q##_##ndf##_##shape##_##kind_, ndf, shape, SMITH,                                      \
+         (own.kind = FACET_FRESNEL_##kind_, own.channels = 1), ONE_QUANTITY(q))
+/* Both at once: what a renderer asks for. */
+#define FR_PDF_LOOP(ndf, shape)                                                                 \
+    LOOP(FR_PDF_##ndf##_##shape, ndf, shape, SMITH, (void)0, ONE_QUANTITY(FR) ONE_QUANTITY(PDF))
 #include "loops.def"
 #undef EVAL_LOOP
-
-/* ---- angles and Fresnel ------------------------------------------------------------- */
-
-/* |H|^2/4 as a pair, from H with its rounding errors. */
-INLINE pair cosine_squared(struct vec3 i, struct vec3 o)
-{
-    pair x = pair_sum(i.x, o.x), y = pair_sum(i.y, o.y), z = pair_sum(i.z, o.z);
-    pair xx = pair_product(x.hi, x.hi, 2 * x.lo), yy = pair_product(y.hi, y.hi, 2 * y.lo);
-    pair hh = pair_add(pair_add(xx, yy), pair_product(z.hi, z.hi, 2 * z.lo));
-    return (pair){ 0.25 * hh.hi, 0.25 * hh.lo };
-}
-
-INLINE pair angle_squared(pair c2)
-{
-    return c2;
-}
-
-INLINE pair angle_cosine(pair c2)
-{
-    double c = __builtin_sqrt(c2.hi), rest = c2.hi - c * c - product_error(c, c, c * c) + c2.lo;
-    return (pair){ c, rest / (2 * (c > DOUBLE_MIN ? c : DOUBLE_MIN)) };
-}
-
-/* 1 - c = (1 - c^2)/(1 + c): the difference cancels near the mirror direction. */
-INLINE pair angle_versine(pair c2)
-{
-    return (pair){ ((1 - c2.hi) - c2.lo) / (1 + __builtin_sqrt(c2.hi)), 0 };
-}
-
-#define ANGLE_LOOP(name, has_low)                                                                   \
-    static void loop_##name(const struct kernel_pairs *p, size_t n, double *restrict out,       \
-                            double *restrict low)                                                   \
-    {                                                                                           \
-        const double *restrict ix = p->wi.x, *restrict iy = p->wi.y, *restrict iz = p->wi.z;    \
-        const double *restrict ox = p->wo.x, *restrict oy = p->wo.y, *restrict oz = p->wo.z;    \
-        _Pragma("omp simd") for (size_t k = 0; k < n; k++)                                      \
-        {                                                                                       \
-            struct vec3 i = { ix[k], iy[k], iz[k] }, o = { ox[k], oy[k], oz[k] };               \
-            pair angle = angle_##name(cosine_squared(i, o));                                    \
-            out[k] = angle.hi;                                                                  \
-            if (has_low) low[k] = angle.lo;                                                     \
-        }                                                                                       \
-    }
-
-ANGLE_LOOP(cosine, true)
-ANGLE_LOOP(versine, false)
-ANGLE_LOOP(squared, true)
-
-#define FRESNEL_LOOP(name, pragma)                                                              \
-    static void loop_##name(const struct kernel_fresnel *fresnel, const double *restrict angle, \
-                            const double *restrict low, const double *restrict factor, size_t n, \
-                            double *restrict out)                                               \
-    {                                                                                           \
-        const struct kernel_fresnel f = *fresnel;                                               \
-        if (factor) {                                                                           \
-            pragma for (size_t k = 0; k < n; k++)                                               \
-                out[k] = (double)name(&f, (pair){ angle[k], low[k] }) * factor[k];              \
-        } else {                                                                                \
-            pragma for (size_t k = 0; k < n; k++)                                               \
-                out[k] = (double)name(&f, (pair){ angle[k], low[k] });                          \
-        }                                                                                       \
-    }
-
-FRESNEL_LOOP(fresnel_schlick, _Pragma("omp simd"))
-FRESNEL_LOOP(fresnel_dielectric, _Pragma("omp simd"))
-FRESNEL_LOOP(fresnel_conductor, _Pragma("omp simd"))
-FRESNEL_LOOP(fresnel_table, )
+#undef FRESNEL_LOOP
+#undef FR_PDF_LOOP
 
 /* ---- samples -------------------------------------------------------------------------- */
 
-#define SAMPLE_LOOP(ndf, pragma)                                                                \
-    static void sample_##ndf(const struct kernel_surface *surface, facet_vec3_in wo,            \
-                             const double *restrict u1, const double *restrict u2, size_t n,    \
-                             facet_vec3_out wi, facet_vec3_out h, double *restrict pdf)         \
+/* 1 - u before u is rounded, which may make it 1. */
+INLINE struct uniform load_uniform(const struct kernel_job *job, int which, size_t k)
+{
+#if ROUNDS_INPUT
+    struct doubles u = load_doubles((const io *)job->u[which] + k), rest = { { 1 - u.half[0], 1 - u.half[1] } };
+    return (struct uniform){ narrow(u), narrow(rest) };
+#else
+    real u = load_at(job->u[which], k);
+    return (struct uniform){ u, 1 - u };
+#endif
+}
+
+INLINE void sample(enum facet_ndf ndf, const struct kernel_surface *s, const struct kernel_job *job, size_t k)
+{
+    struct vec3 wo = load_vec3(job->wo, k);
+    pair co = mean_cosine(s, wo);
+    struct direction o = direction_of(s, KERNEL_SHEARED, wo, co);
+    struct uniform u1 = load_uniform(job, 0, k), u2 = load_uniform(job, 1, k);
+#if REAL_IS_FLOAT
+    struct sampled a = reflect_sample(ndf, s, wo, o, ggx_sample(o, u1, u2));
+#else
+    struct sampled a = reflect_sample(ndf, s, wo, o, ndf == FACET_GGX ? ggx_sample(o, u1, u2) : beckmann_sample(o, u1, u2));
+#endif
+    store_vec3(job->sampled_wi, k, a.wi);
+    if (job->sampled_h[0]) store_vec3(job->sampled_h, k, a.h);
+    if (job->sampled_pdf) store_at(job->sampled_pdf, k, a.pdf);
+}
+
+#define SAMPLE_LOOP(ndf)                                                                        \
+    static void sample_##ndf(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
     {                                                                                           \
         const struct kernel_surface s = *surface;                                               \
-        const double *restrict ox = wo.x, *restrict oy = wo.y, *restrict oz = wo.z;             \
-        double *restrict ix = wi.x, *restrict iy = wi.y, *restrict iz = wi.z;                   \
-        double *restrict hx = h.x, *restrict hy = h.y, *restrict hz = h.z;                      \
-        if (!pdf) {                                                                             \
-            pragma for (size_t k = 0; k < n; k++)                                               \
-            {                                                                                   \
-                struct sampled a = SAMPLE_AT(ndf, k);                                           \
-                ix[k] = (double)a.wi_x, iy[k] = (double)a.wi_y, iz[k] = (double)a.wi_z;         \
-            }                                                                                   \
-            return;                                                                             \
-        }                                                                                       \
-        pragma for (size_t k = 0; k < n; k++)                                                   \
-        {                                                                                       \
-            struct sampled a = SAMPLE_AT(ndf, k);                                               \
-            ix[k] = (double)a.wi_x, iy[k] = (double)a.wi_y, iz[k] = (double)a.wi_z;             \
-            hx[k] = (double)a.h_x, hy[k] = (double)a.h_y, hz[k] = (double)a.h_z;                \
-            pdf[k] = (double)a.pdf;                                                             \
-        }                                                                                       \
+        for (size_t k = 0; k < n; k += LANES) sample(FACET_##ndf, &s, job, k);                  \
     }
-#define SAMPLE_AT(ndf, k)                                                                       \
-    reflect_sample(FACET_##ndf, &s, (struct vec3){ ox[k], oy[k], oz[k] }, u1[k], u2[k])
 
-SAMPLE_LOOP(GGX, _Pragma("omp simd"))
-#if !REAL_IS_FLOAT /* in floats 1 - u is lost where the CDF is inverted */
-SAMPLE_LOOP(BECKMANN, )
+SAMPLE_LOOP(GGX)
+#if !REAL_IS_FLOAT
+SAMPLE_LOOP(BECKMANN)
 #endif
 
 /* ---- the table --------------------------------------------------------------------------- */
 
-extern const struct facet_kernels TABLE_NAME(FACET_TIER, base);
-extern const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA);
-const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_ISA) = {
-    .base = &TABLE_NAME(FACET_TIER, base),
-    .eval = {
-#define EVAL_LOOP(quantity, ndf, shape, masking)                                                \
-    [INDEX_##quantity][FACET_##ndf][KERNEL_##shape][KERNEL_##masking] = quantity##_##ndf##_##shape##_##masking,
+extern const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_IO, FACET_ISA);
+const struct facet_kernels TABLE_NAME(FACET_TIER, FACET_IO, FACET_ISA) = {
+#define EVAL_LOOP(q, ndf, shape, masking)                                                       \
+    .eval[KERNEL_##q][FACET_##ndf][KERNEL_##shape][KERNEL_##masking] = q##_##ndf##_##shape##_##masking,
+#define FRESNEL_LOOP(q, ndf, shape, kind)                                                       \
+    .fr_achromatic[FACET_##ndf][KERNEL_##shape][FACET_FRESNEL_##kind] = q##_##ndf##_##shape##_##kind,
+#define FR_PDF_LOOP(ndf, shape) .fr_pdf[FACET_##ndf][KERNEL_##shape] = FR_PDF_##ndf##_##shape,
 #include "loops.def"
-#undef EVAL_LOOP
-    },
-    .angle = {
-        [FACET_FRESNEL_SCHLICK] = loop_versine,
-        [FACET_FRESNEL_DIELECTRIC] = loop_squared,
-        [FACET_FRESNEL_CONDUCTOR] = loop_squared,
-        [FACET_FRESNEL_TABLE] = loop_cosine,
-    },
-    .fresnel = {
-        [FACET_FRESNEL_SCHLICK] = loop_fresnel_schlick,
-        [FACET_FRESNEL_DIELECTRIC] = loop_fresnel_dielectric,
-        [FACET_FRESNEL_CONDUCTOR] = loop_fresnel_conductor,
-        [FACET_FRESNEL_TABLE] = loop_fresnel_table,
-    },
     .sample = {
         [FACET_GGX] = sample_GGX,
 #if !REAL_IS_FLOAT

@@ -1,7 +1,7 @@
 /*
  * kernels.h - the only interface to the compiled kernels.
  *
- * kernel.c is compiled once per (tier, isa) and exports one table of these;
+ * kernel.c is compiled once per (tier, io, isa) and exports one table of these;
  * everything else in it is static, and it calls nothing.
  */
 #ifndef FACET_KERNELS_H
@@ -34,12 +34,21 @@ struct kernel_table {
     struct kernel_cubic log_q, log_psi;
 };
 
-/* What the kernels need of a material's roughness, derived once (brdf.c). */
+/*
+ * What the kernels need of a material's roughness, derived once (brdf.c).  The
+ * half vector is handled in standard slopes times `weight`, weight^4 = pi det, so
+ * that GGX's D is |H|^4 over the square of a sum of squares.  x_low: what the
+ * double x lacks.
+ */
 struct kernel_surface {
     double alpha_x, alpha_y, rho, kappa; /* kappa = sqrt(1 - rho^2) */
-    double rho_alpha_y, rho_alpha_y_low; /* rho alpha_y and what its double lacks */
-    double kappa_alpha_y;
-    double det, root_det;                /* alpha_x alpha_y kappa and its square root */
+    double rho_alpha_y, rho_alpha_y_low;
+    double kappa_alpha_y, kappa_alpha_y_low;
+    double det, det_low, root_det;       /* det = alpha_x alpha_y kappa */
+    double peak;                         /* 1/(pi det) */
+    double weight, weight_x, weight_y;   /* weight, weight / alpha_x, weight / det */
+    double inverse_weight2, inverse_alpha2;
+    double iso_flat, iso_tall;           /* isotropic: weight^2 / alpha^2 and weight^2 */
     double slope_x, slope_y;
     const struct kernel_table *table;    /* FACET_TABULATED only */
 };
@@ -70,48 +79,49 @@ enum kernel_masking {
     KERNEL_MASKING_COUNT
 };
 
-/*
- * The achromatic quantities: fr and fr_cos without their Fresnel term, and
- * what only the library itself asks for.
- */
+/* facet_quantity's, in its order, and what only the library itself asks for. */
 enum kernel_quantity {
-    KERNEL_FR,
-    KERNEL_FR_COS,
-    KERNEL_PDF,
-    KERNEL_D,
-    KERNEL_D_VIS,
-    KERNEL_G,
-    KERNEL_G1_I,
-    KERNEL_G1_O,
-    KERNEL_SIGMA_O,
-    KERNEL_WEIGHT,    /* fr cos / pdf without the Fresnel term */
+#define QUANTITY(id, name, coloured, doc) KERNEL_##id,
+#include "quantities.def"
+#undef QUANTITY
+    KERNEL_WEIGHT,    /* fr cos / pdf */
     KERNEL_CONDITION, /* of the thesis's denominator */
     KERNEL_QUANTITY_COUNT
 };
 
-struct kernel_pairs {
-    facet_vec3_in wi, wo;
+/* Batches are whole vectors: their length is a multiple of this, whatever the instruction set. */
+enum { KERNEL_LANES = 16 };
+
+/*
+ * One batch.  Arrays hold the io type of the kernels: float or double.
+ */
+struct kernel_job {
+    const void *wi[3], *wo[3];
+    /* Sampling: u in [0, 1), and where the samples go (h, pdf NULL: not computed). */
+    const void *u[2];
+    void *sampled_wi[3], *sampled_h[3], *sampled_pdf;
+    /* Evaluation. */
+    facet_fresnel_kind kind;
+    size_t channels;
+    const struct kernel_fresnel *fresnel;  /* a channel each */
+    void *out[KERNEL_QUANTITY_COUNT][3];
 };
 
-typedef void kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_pairs *pairs,
-                            size_t n, double *out);
-/* theta_d in the form that a Fresnel kind takes it: out, and out + low where it is a pair. */
-typedef void kernel_angle_fn(const struct kernel_pairs *pairs, size_t n, double *out, double *low);
-/* out = F(angle + low) factor; factor NULL is 1. */
-typedef void kernel_fresnel_fn(const struct kernel_fresnel *fresnel, const double *angle,
-                               const double *low, const double *factor, size_t n, double *out);
-/* wi; h and pdf too unless pdf is NULL. */
-typedef void kernel_sample_fn(const struct kernel_surface *surface, facet_vec3_in wo,
-                              const double *u1, const double *u2, size_t n, facet_vec3_out wi,
-                              facet_vec3_out h, double *pdf);
+/*
+ * True if some pair is beyond the range of the kernel's arithmetic (|H| too
+ * short, a result too large): its result is not a number, and eval.c evaluates
+ * it again in precise.
+ */
+typedef bool kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
+typedef void kernel_sample_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
 
 struct facet_kernels {
-    const struct facet_kernels *base; /* the same tier's kernels for base, which has the table loops */
     kernel_eval_fn
         *eval[KERNEL_QUANTITY_COUNT][FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][KERNEL_MASKING_COUNT];
-    kernel_angle_fn *angle[FACET_FRESNEL_COUNT];     /* IDEAL is NULL */
-    kernel_fresnel_fn *fresnel[FACET_FRESNEL_COUNT];
-    kernel_sample_fn *sample[FACET_NDF_COUNT];       /* NULL: no sampler */
+    /* SMITH alone; NULL: eval's. */
+    kernel_eval_fn *fr_achromatic[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][FACET_FRESNEL_COUNT]; /* one channel */
+    kernel_eval_fn *fr_pdf[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT];                             /* both at once */
+    kernel_sample_fn *sample[FACET_NDF_COUNT];                   /* NULL: no sampler */
 };
 
 #endif

@@ -17,17 +17,25 @@ struct model {
     enum kernel_masking masking;
 };
 
-INLINE real density(struct model m, const struct kernel_surface *s, struct half h)
+/* Seen from behind (c < 0), sigma and the D that follows from it underflow together: Beckmann sheared. */
+INLINE bool scales(struct model m)
 {
-    return m.ndf == FACET_GGX        ? ggx_density(s, h)
-           : m.ndf == FACET_BECKMANN ? beckmann_density(s, h)
-                                     : table_density(s, h);
+    return m.ndf == FACET_BECKMANN && m.shape == KERNEL_SHEARED;
 }
 
-INLINE real density_scaled(struct model m, const struct kernel_surface *s, struct half h,
-                           struct direction o)
+/* D where H points up; elsewhere anything. */
+INLINE struct fraction density(struct model m, const struct kernel_surface *s, struct half h)
 {
-    return m.ndf == FACET_BECKMANN ? beckmann_density_scaled(s, h, o) : density(m, s, h);
+    if (m.ndf == FACET_GGX) return ggx_density(m.shape, h);
+    real d = m.ndf == FACET_BECKMANN ? beckmann_density(s, m.shape, h) : table_density(s, h);
+    return (struct fraction){ d, splat(1) };
+}
+
+INLINE struct fraction density_scaled(struct model m, const struct kernel_surface *s, struct half h,
+                                      struct direction o)
+{
+    if (!scales(m)) return density(m, s, h);
+    return (struct fraction){ beckmann_density_scaled(s, h, o), splat(1) };
 }
 
 INLINE real excess(struct model m, const struct kernel_surface *s, struct direction k)
@@ -37,33 +45,52 @@ INLINE real excess(struct model m, const struct kernel_surface *s, struct direct
                                      : table_excess(s, k);
 }
 
+/* The same where c > 0, or nothing depends on it. */
+INLINE real front_excess(struct model m, const struct kernel_surface *s, struct direction k)
+{
+    return m.ndf == FACET_BECKMANN ? beckmann_front_excess(k) : excess(m, s, k);
+}
+
 INLINE real excess_scaled(struct model m, const struct kernel_surface *s, struct direction k)
 {
-    return m.ndf == FACET_BECKMANN ? beckmann_excess_scaled(k) : excess(m, s, k);
+    return scales(m) ? beckmann_excess_scaled(k) : excess(m, s, k);
 }
 
 INLINE real sigma(struct model m, const struct kernel_surface *s, struct direction k)
 {
-    return m.ndf == FACET_GGX ? ggx_sigma(k) : real_max(k.c, 0) + excess(m, s, k);
+    if (m.ndf == FACET_GGX) return ggx_sigma(k);
+    /* In the other tiers what looks up from below is a stray. */
+    bool may_be_behind = COMPENSATED || m.shape == KERNEL_SHEARED;
+    return real_max(k.c, splat(0)) + (may_be_behind ? excess(m, s, k) : front_excess(m, s, k));
 }
 
 INLINE real sigma_scaled(struct model m, const struct kernel_surface *s, struct direction k)
 {
-    return m.ndf == FACET_GGX ? ggx_sigma(k) : real_max(k.c, 0) + excess_scaled(m, s, k);
+    return scales(m) ? real_max(k.c, splat(0)) + excess_scaled(m, s, k) : sigma(m, s, k);
 }
 
-/* 0 instead of x / 0, the largest number instead of infinity. */
+/* x / y; 0 instead of x / 0, the largest number instead of infinity. */
 INLINE real ratio(real x, real y)
 {
-    real q = x / y;
-    q = q < (real)REAL_MAX ? q : (real)REAL_MAX;
-    return real_min(x, y) > 0 ? q : 0;
+    real q = real_min(quotient(x, y), splat(REAL_MAX));
+    return select(less(splat(0), real_min(x, y)), q, splat(0));
 }
 
-/* 0 unless both directions are above the horizon (one comparison: GCC does not vectorise a compound one). */
+/* No more than the largest number; in the other tiers it would be a stray. */
+INLINE real saturated(real x)
+{
+    return COMPENSATED ? real_min(x, splat(REAL_MAX)) : x;
+}
+
+/* 0 unless both directions are above the horizon. */
 INLINE real lit(struct direction i, struct direction o, real value)
 {
-    return real_min(i.z, o.z) > 0 ? value : 0;
+    return select(less(splat(0), real_min(i.z, o.z)), value, splat(0));
+}
+
+INLINE real facing_up(struct half h, real value)
+{
+    return select(less(splat(0), h.hz), value, splat(0));
 }
 
 /* 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0; height-correlated, energy-safe. */
@@ -71,8 +98,8 @@ INLINE real smith_denominator(struct model m, const struct kernel_surface *s, st
                               struct direction o, bool scaled)
 {
     if (m.ndf == FACET_GGX) return m.shape == KERNEL_SHEARED ? ggx_smith(i, o) : ggx_smith_front(i, o);
-    real to = scaled ? excess_scaled(m, s, o) : excess(m, s, o), co = real_max(o.c, 0);
-    return 4 * (co * (i.c + excess(m, s, i)) + to * i.c);
+    real to = m.shape != KERNEL_SHEARED ? front_excess(m, s, o) : scaled ? excess_scaled(m, s, o) : excess(m, s, o);
+    return 4 * madd(real_max(o.c, splat(0)), i.c + front_excess(m, s, i), to * i.c);
 }
 
 /* Dupuy eq. 3.3 in 2.13: sigma_o z_i + z_o (sigma_i - z_i), which may vanish, and the sum of its magnitudes. */
@@ -90,18 +117,14 @@ INLINE struct thesis thesis_denominator(struct model m, const struct kernel_surf
 /* H_z / |H|^2. */
 INLINE real facing(struct half h)
 {
-    return h.scale * h.hz / h.hh;
+    return saturated(quotient(h.scale * h.hz, real_max(h.hh, splat(REAL_MIN)))); /* 0 where H is */
 }
 
 /* V-cavity: the visible share of the facets h from a direction with cosine c to the mean facet. */
 INLINE real vgroove_visible(struct half h, real c)
 {
-    return real_max(real_min(4 * facing(h) * c, 1), 0);
+    return real_max(real_min(4 * facing(h) * c, splat(1)), splat(0));
 }
-
-struct fraction {
-    real num, den;
-};
 
 /*
  * fr cos theta_i = F D num / den; num <= 0 or den <= 0 stand for 0.  With
@@ -130,7 +153,12 @@ INLINE struct fraction reflect(struct model m, const struct kernel_surface *s, s
 /* Below c_o < 0 only the energy-safe forms divide D by sigma_o, which both underflow there. */
 INLINE bool needs_scaling(struct model m)
 {
-    return m.shape == KERNEL_SHEARED && (m.masking == KERNEL_SMITH || m.masking == KERNEL_UNCORRELATED);
+    return scales(m) && (m.masking == KERNEL_SMITH || m.masking == KERNEL_UNCORRELATED);
+}
+
+INLINE real value_of(struct fraction f)
+{
+    return quotient(f.num, f.den);
 }
 
 INLINE real quantity_fr_cos(struct model m, const struct kernel_surface *s, struct direction i,
@@ -138,9 +166,9 @@ INLINE real quantity_fr_cos(struct model m, const struct kernel_surface *s, stru
 {
     bool scaled = needs_scaling(m);
     struct fraction f = reflect(m, s, i, o, h, scaled);
-    real d = scaled ? density_scaled(m, s, h, o) : density(m, s, h);
+    struct fraction d = scaled ? density_scaled(m, s, h, o) : density(m, s, h);
     /* The fraction first: d and num may both be small, and so may num and den. */
-    return lit(i, o, real_min(d * ratio(f.num, f.den), (real)REAL_MAX));
+    return lit(i, o, saturated(value_of(d) * ratio(f.num, f.den)));
 }
 
 /* fr cos theta_i / cos theta_i, which cancels on a central Smith surface. */
@@ -148,8 +176,16 @@ INLINE real quantity_fr(struct model m, const struct kernel_surface *s, struct d
                         struct direction o, struct half h)
 {
     if (m.masking == KERNEL_SMITH && m.shape != KERNEL_SHEARED) {
-        return lit(i, o, ratio(density(m, s, h), smith_denominator(m, s, i, o, false)));
+        struct fraction d = density(m, s, h);
+        return lit(i, o, saturated(quotient(d.num, d.den * smith_denominator(m, s, i, o, false))));
     }
+#if REAL_IS_FLOAT /* cosines are not so small that it matters what is multiplied first */
+    if (m.masking == KERNEL_SMITH) {
+        struct fraction d = density_scaled(m, s, h, o);
+        real bottom = d.den * (i.z * smith_denominator(m, s, i, o, true));
+        return lit(i, o, select(less(splat(0), i.c), quotient(d.num * i.c, bottom), splat(0)));
+    }
+#endif
     return ratio(quantity_fr_cos(m, s, i, o, h), i.z);
 }
 
@@ -158,34 +194,40 @@ INLINE real quantity_pdf(struct model m, const struct kernel_surface *s, struct 
                          struct direction o, struct half h)
 {
     (void)i;
-    return ratio(density_scaled(m, s, h, o), 4 * sigma_scaled(m, s, o));
+    struct fraction d = density_scaled(m, s, h, o);
+    return facing_up(h, saturated(quotient(d.num, d.den * real_max(4 * sigma_scaled(m, s, o), splat(REAL_MIN)))));
 }
 
 INLINE real quantity_d(struct model m, const struct kernel_surface *s, struct direction i,
                        struct direction o, struct half h)
 {
     (void)i, (void)o;
-    return density(m, s, h);
+    return facing_up(h, saturated(value_of(density(m, s, h))));
 }
 
 INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struct direction i,
                            struct direction o, struct half h)
 {
     (void)i;
-    real facing_o = (real)0.5 * h.length; /* wo.h, that is cos theta_d */
+    real length = root_from_zero(h.hh);                               /* |H| times scale */
+    real facing_o = R(0.5) * quotient(length, h.scale);      /* wo.h, that is cos theta_d */
     if (m.masking == KERNEL_VGROOVE)
-        return density(m, s, h) * ratio(facing_o * vgroove_visible(h, o.c), o.c);
-    if (m.masking == KERNEL_NONE) return density(m, s, h) * h.hz / real_max(real_sqrt(h.hh), (real)REAL_MIN);
-    return ratio(density_scaled(m, s, h, o) * facing_o, sigma_scaled(m, s, o));
+        return facing_up(h, saturated(saturated(value_of(density(m, s, h))) * ratio(facing_o * vgroove_visible(h, o.c), o.c)));
+    if (m.masking == KERNEL_NONE)
+        return facing_up(h, saturated(value_of(density(m, s, h))) * quotient(h.hz, real_max(length, splat(REAL_MIN))));
+    struct fraction d = density_scaled(m, s, h, o);
+    return facing_up(h, saturated(quotient(d.num * facing_o, d.den * real_max(sigma_scaled(m, s, o), splat(REAL_MIN)))));
 }
 
 /* x / sigma from x / the scaled sigma, which is right until the quotient itself leaves the range. */
-INLINE real unscale(struct model m, struct direction k, real quotient)
+INLINE real unscale(struct model m, struct direction k, real quotient_)
 {
-    if (m.ndf != FACET_BECKMANN) return quotient;
+    if (!scales(m)) return quotient_;
     /* exp(v^2) in two halves: it may be too large where the product is not. */
-    real half = real_max(exp_minus((real)0.5 * beckmann_v2(k)), (real)REAL_MIN);
-    return k.c < 0 ? real_min(quotient / half / half, (real)REAL_MAX) : quotient;
+    pair v2 = beckmann_v2(k);
+    real half = real_max(exp_minus_pair((pair){ R(0.5) * v2.hi, R(0.5) * v2.lo }), splat(REAL_MIN));
+    real unscaled = saturated(quotient(quotient(quotient_, half), half));
+    return select(less(k.c, splat(0)), unscaled, quotient_);
 }
 
 /* G of fr = F D G / (4 z_i z_o) = F D num / (den z_i). */
@@ -193,7 +235,7 @@ INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct di
                        struct direction o, struct half h)
 {
     struct fraction f = reflect(m, s, i, o, h, needs_scaling(m));
-    real value = ratio(4 * o.z * f.num, f.den);
+    real value = saturated(4 * o.z * ratio(f.num, f.den));
     return lit(i, o, needs_scaling(m) ? unscale(m, o, value) : value);
 }
 
@@ -201,7 +243,8 @@ INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct di
 INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct direction k, struct half h)
 {
     if (m.masking == KERNEL_VGROOVE) return ratio(k.z * vgroove_visible(h, k.c), k.c);
-    if (m.masking == KERNEL_NONE) return 2 * real_max(k.z, 0) * real_min(real_max(facing(h), 0), (real)(REAL_MAX / 4));
+    if (m.masking == KERNEL_NONE)
+        return 2 * real_max(k.z, splat(0)) * real_min(real_max(facing(h), splat(0)), splat(REAL_MAX / 4));
     return unscale(m, k, ratio(k.z, sigma_scaled(m, s, k)));
 }
 
@@ -244,10 +287,11 @@ INLINE real quantity_condition(struct model m, const struct kernel_surface *s, s
     (void)h;
     struct thesis t = thesis_denominator(m, s, i, o);
     real size = real_abs(t.denominator), least = real_min(sigma(m, s, i), sigma(m, s, o));
-    real value = real_min(t.magnitude / real_max(size, (real)REAL_MIN), (real)REAL_MAX);
+    real value = saturated(quotient(t.magnitude, real_max(size, splat(REAL_MIN))));
     /* D / (sigma_i sigma_o) where a sigma is about to underflow and D with it. */
-    if (m.masking == KERNEL_UNCORRELATED_THESIS) value = least < (real)1e-30 ? (real)REAL_MAX : 1;
-    return real_min(i.z, o.z) > 0 ? value : 1;
+    if (m.masking == KERNEL_UNCORRELATED_THESIS)
+        value = select(less(least, splat(R(1e-30))), splat(REAL_MAX), splat(1));
+    return select(less(splat(0), real_min(i.z, o.z)), value, splat(1));
 }
 
 #endif

@@ -8,36 +8,41 @@
 #include "surface.h"
 #include "vmath.h"
 
+/* Lane by lane: looking up does not vectorise. */
 INLINE real cubic_at(struct kernel_cubic f, real u)
 {
-    real x = u * (real)f.cells;
-    int32_t i = (int32_t)x, last = (int32_t)f.cells - 1;
-    i = i > last ? last : i;
-    i = i < 0 ? 0 : i;
-    real t = x - (real)i;
-    const double *c = f.c + 4 * (size_t)i;
-    return madd(madd(madd((real)c[3], t, (real)c[2]), t, (real)c[1]), t, (real)c[0]);
+    lane at[LANES];
+    memcpy(at, &u, sizeof at);
+    for (size_t k = 0; k < LANES; k++) {
+        lane x = at[k] * R(f.cells);
+        x = x > 0 ? x : 0;
+        size_t last = f.cells - 1, i = x < R(last) ? (size_t)x : last;
+        lane t = x - R(i);
+        const double *c = f.c + 4 * i;
+        at[k] = ((R(c[3]) * t + R(c[2])) * t + R(c[1])) * t + R(c[0]);
+    }
+    memcpy(&u, at, sizeof u);
+    return u;
 }
 
 INLINE real exp_any(real x)
 {
     real e = exp_minus(real_abs(x));
-    return x > 0 ? 1 / real_max(e, (real)REAL_MIN) : e;
+    return select(less(splat(0), x), quotient(splat(1), real_max(e, splat(REAL_MIN))), e);
 }
 
 INLINE real table_density(const struct kernel_surface *s, struct half h)
 {
-    real r = real_sqrt(madd(h.x, h.x, h.y * h.y)), bz = (real)s->table->slope_scale * h.z;
-    real u = r / (bz + r), near = (real)s->table->slope_scale / (bz + r);
-    real q = (real)s->root_det * h.hh * near * near;
-    real value = q * q * exp_any(cubic_at(s->table->log_q, u));
-    return h.hz > 0 ? value : 0;
+    real r = root_from_zero(madd(h.x, h.x, h.y * h.y)), bz = R(s->table->slope_scale) * h.z;
+    real inverse = recip(bz + r), near = R(s->table->slope_scale) * inverse;
+    real q = R(SQRT_PI) * h.hh * near * near; /* weight^4 = pi det */
+    return q * q * exp_any(cubic_at(s->table->log_q, r * inverse));
 }
 
 INLINE real table_excess(const struct kernel_surface *s, struct direction k)
 {
-    real length = (real)s->table->slope_scale * real_sqrt(k.s2);
-    real w = length / real_max(length + real_abs(k.c), (real)REAL_MIN);
+    real length = R(s->table->slope_scale) * root_from_zero(k.s2);
+    real w = quotient(length, real_max(length + real_abs(k.c), splat(REAL_MIN)));
     return length * w * exp_any(cubic_at(s->table->log_psi, w));
 }
 

@@ -1,125 +1,152 @@
 /*
- * real.h - the arithmetic of a tier.
+ * real.h - the arithmetic of a tier: what a quotient and a root cost, and how
+ * wide the linear forms are that feed the formulas.
  *
- * real is what the formulas run in: float for fast, double for precise.  The
- * linear forms that feed them (H, and what shear and correlation make of it)
- * cancel, so they run one step wider: double for fast, double-double for
- * precise.  Everything else in the kernels is a sum of like signs.
+ *   draft    estimates of reciprocals and roots as they come
+ *   fast     float, estimates refined to the last digit or so
+ *   exact32  double, estimates refined to 2e-13: a float's rounding is what is left
+ *   precise  double, and double-double where terms cancel
+ *
+ * Everything outside the linear forms is a sum of like signs.
  */
 #ifndef FACET_REAL_H
 #define FACET_REAL_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "lanes.h"
 
-#define INLINE static inline __attribute__((always_inline))
-
-#ifdef FACET_TIER_fast
-typedef float real;
-typedef int32_t real_bits;
-#define REAL_IS_FLOAT 1
-#define REAL_MIN 1.17549435e-38f
-#define REAL_MAX 3.40282347e38f
+#if defined(FACET_TIER_precise)
+#define COMPENSATED 1
 #else
-typedef double real;
-typedef int64_t real_bits;
-#define REAL_IS_FLOAT 0
-#define REAL_MIN 2.2250738585072014e-308
-#define REAL_MAX 1.7976931348623157e308
+#define COMPENSATED 0
 #endif
-
-#define DOUBLE_MIN 2.2250738585072014e-308
 
 #define SQRT_PI 1.77245385090551602730
 #define ONE_OVER_PI 0.318309886183790671538
 
-INLINE real real_sqrt(real x)
-{
-#if REAL_IS_FLOAT
-    return __builtin_sqrtf(x);
+/*
+ * How an estimate y of relative error e is refined, by the tier and the estimate:
+ * to e^2 (Newton), to e^3 (Halley), or not at all; EXACT: the processor's own
+ * division and root.
+ */
+#define REFINE_NOT 0
+#define REFINE_NEWTON 1
+#define REFINE_HALLEY 2
+#define REFINE_EXACT 3
+
+#if HAS_ESTIMATES == 0 || defined(FACET_TIER_precise)
+#define REFINE REFINE_EXACT
+#elif defined(FACET_TIER_draft)
+#define REFINE (HAS_ESTIMATES == 14 ? REFINE_NOT : REFINE_NEWTON)
+#elif defined(FACET_TIER_fast)
+#define REFINE (HAS_ESTIMATES == 14 ? REFINE_NEWTON : HAS_FMA ? REFINE_HALLEY : REFINE_EXACT)
 #else
-    return __builtin_sqrt(x);
+#define REFINE REFINE_HALLEY
+#endif
+
+#if HAS_ESTIMATES
+INLINE real recip_refined(real x, int how)
+{
+    real y = recip_estimate(x);
+    if (how == REFINE_NOT) return y;
+    real e = nmadd(x, y, splat(1));
+    if (how == REFINE_HALLEY) e = madd(e, e, e);
+    return madd(e, y, y);
+}
+
+INLINE real rsqrt_refined(real x, int how)
+{
+    real y = rsqrt_estimate(x);
+    if (how == REFINE_NOT) return y;
+    real e = nmadd(x * y, y, splat(1));
+    real half = how == REFINE_HALLEY ? madd(e, splat(R(0.375)), splat(R(0.5))) : splat(R(0.5));
+    return madd(half * e, y, y);
+}
+#else
+INLINE real recip_refined(real x, int how) { (void)how; return 1 / x; }
+INLINE real rsqrt_refined(real x, int how) { (void)how; return 1 / real_sqrt(x); }
+#endif
+
+/* 1/x, x > 0 (no less than REAL_MIN). */
+INLINE real recip(real x)
+{
+    return REFINE == REFINE_EXACT ? 1 / x : recip_refined(x, REFINE);
+}
+
+INLINE real quotient(real a, real b)
+{
+    return REFINE == REFINE_EXACT ? a / b : a * recip_refined(b, REFINE);
+}
+
+INLINE real rsqrt(real x)
+{
+    return REFINE == REFINE_EXACT ? 1 / real_sqrt(x) : rsqrt_refined(x, REFINE);
+}
+
+/* sqrt(x) by an estimate of 1/sqrt(x), whose step goes into the product. */
+INLINE real root_refined(real x, int how)
+{
+#if HAS_ESTIMATES
+    real y = rsqrt_estimate(x), s = x * y;
+    if (how == REFINE_NOT) return s;
+    real e = nmadd(s, y, splat(1)), half = R(0.5) * s;
+    if (how == REFINE_HALLEY) e = madd(R(0.75) * e, e, e);
+    return madd(half, e, s);
+#else
+    (void)how;
+    return real_sqrt(x);
 #endif
 }
 
-INLINE real real_abs(real x)
+/* sqrt(x), x > 0; of 0 it may be not a number (a stray), root_from_zero gives 0. */
+INLINE real root(real x)
 {
-#if REAL_IS_FLOAT
-    return __builtin_fabsf(x);
-#else
-    return __builtin_fabs(x);
-#endif
+    return REFINE == REFINE_EXACT ? real_sqrt(x) : root_refined(x, REFINE);
 }
 
-INLINE real real_max(real a, real b)
+INLINE real root_from_zero(real x)
 {
-    return a > b ? a : b;
+    return REFINE == REFINE_EXACT ? real_sqrt(x) : root_refined(real_max(x, splat(REAL_MIN)), REFINE);
 }
 
-INLINE real real_min(real a, real b)
+#define REFINE_FINE (REFINE == REFINE_NOT ? REFINE_NEWTON : REFINE)
+
+/* At least Newton's step, for what a difference or an exponent will magnify. */
+INLINE real root_fine(real x)
 {
-    return a < b ? a : b;
+    return REFINE == REFINE_EXACT ? real_sqrt(x) : root_refined(x, REFINE_FINE);
 }
 
-/* a b + c, in one rounding where the instruction set has it. */
-INLINE real madd(real a, real b, real c)
+INLINE real recip_fine(real x)
 {
-#ifdef __FMA__
-#if REAL_IS_FLOAT
-    return __builtin_fmaf(a, b, c);
-#else
-    return __builtin_fma(a, b, c);
-#endif
-#else
-    return a * b + c;
-#endif
+    return REFINE == REFINE_EXACT ? 1 / x : recip_refined(x, REFINE_FINE);
 }
 
-INLINE real_bits real_to_bits(real x)
-{
-    real_bits i;
-    memcpy(&i, &x, sizeof i);
-    return i;
-}
+/* ---- pairs: unevaluated sums hi + lo --------------------------------------------- */
 
-INLINE real real_from_bits(real_bits i)
-{
-    real x;
-    memcpy(&x, &i, sizeof x);
-    return x;
-}
-
-/* ---- pairs: unevaluated sums hi + lo -------------------------------------------- */
-
-/* Error-free transformations of Dekker (1971) and Knuth; about 106 bits. */
+/* Error-free transformations of Dekker (1971) and Knuth; twice the digits of real. */
 typedef struct pair {
-    double hi, lo;
+    real hi, lo;
 } pair;
 
-INLINE pair pair_sum(double a, double b)
+INLINE pair pair_sum(real a, real b)
 {
-    double s = a + b, t = s - a;
+    real s = a + b, t = s - a;
     return (pair){ s, (a - (s - t)) + (b - t) };
 }
 
-INLINE double product_error(double a, double b, double p)
+INLINE real product_error(real a, real b, real p)
 {
-#ifdef __FMA__
-    return __builtin_fma(a, b, -p);
-#else
-    const double split = 134217729.0; /* 2^27 + 1 */
-    double ca = split * a, cb = split * b;
-    double ah = ca - (ca - a), bh = cb - (cb - b), al = a - ah, bl = b - bh;
+    if (HAS_FMA) return -nmadd(a, b, p);
+    const lane split = REAL_IS_FLOAT ? R(4097) : R(134217729); /* 2^12 + 1, 2^27 + 1 */
+    real ca = split * a, cb = split * b;
+    real ah = ca - (ca - a), bh = cb - (cb - b), al = a - ah, bl = b - bh;
     return ((ah * bh - p) + ah * bl + al * bh) + al * bl;
-#endif
 }
 
-/* a (b + b_low), b_low what the double b lacks. */
-INLINE pair pair_product(double a, double b, double b_low)
+/* a (b + b_low), b_low what b lacks. */
+INLINE pair pair_product(real a, real b, real b_low)
 {
-    double p = a * b;
+    real p = a * b;
     return (pair){ p, product_error(a, b, p) + a * b_low };
 }
 
@@ -129,48 +156,59 @@ INLINE pair pair_add(pair a, pair b)
     return (pair){ s.hi, s.lo + (a.lo + b.lo) };
 }
 
-INLINE double pair_round(pair a)
+/* Normalised, as the others are by nature. */
+INLINE pair pair_multiply(pair a, pair b)
+{
+    real p = a.hi * b.hi, rest = madd(a.hi, b.lo, madd(a.lo, b.hi, product_error(a.hi, b.hi, p))), s = p + rest;
+    return (pair){ s, rest - (s - p) };
+}
+
+/* hi the sum rounded, lo the rest, for |lo| below |hi|. */
+INLINE pair pair_normalise(pair a)
+{
+    real s = a.hi + a.lo;
+    return (pair){ s, a.lo - (s - a.hi) };
+}
+
+/* a / b to about the digits of a pair. */
+INLINE pair pair_quotient(pair a, pair b)
+{
+    real q = a.hi / b.hi, p = q * b.hi;
+    real rest = ((a.hi - p) - product_error(q, b.hi, p)) + (a.lo - q * b.lo);
+    return (pair){ q, rest / b.hi };
+}
+
+INLINE real pair_round(pair a)
 {
     return a.hi + a.lo;
 }
 
-/* ---- wide: the precision of linear forms, a step above real --------------------- */
+/* ---- wide: the precision of linear forms ------------------------------------------ */
 
-#if REAL_IS_FLOAT
-
-typedef double wide;
-
-INLINE wide wide_sum(double a, double b) { return a + b; }
-INLINE wide wide_product(double a, double b, double b_low) { (void)b_low; return a * b; }
-INLINE wide wide_add(wide a, wide b) { return a + b; }
-INLINE wide wide_scale(wide a, double b, double b_low) { (void)b_low; return a * b; }
-INLINE double wide_round(wide a) { return a; }
-
-#else
+#if COMPENSATED
 
 typedef pair wide;
 
-INLINE wide wide_sum(double a, double b) { return pair_sum(a, b); }
-INLINE wide wide_product(double a, double b, double b_low) { return pair_product(a, b, b_low); }
-INLINE wide wide_add(wide a, wide b) { return pair_add(a, b); }
-INLINE double wide_round(wide a) { return pair_round(a); }
-
+INLINE wide wide_of(real a) { return (pair){ a, splat(0) }; }
+INLINE real wide_round(wide a) { return pair_round(a); }
+/* a (b + b_low). */
 INLINE wide wide_scale(wide a, double b, double b_low)
 {
-    pair p = pair_product(a.hi, b, b_low);
-    return (pair){ p.hi, p.lo + a.lo * b };
+    pair p = pair_product(a.hi, splat(b), splat(b_low));
+    return (pair){ p.hi, madd(a.lo, splat(b), p.lo) };
 }
+
+INLINE wide wide_madd(wide a, double b, double b_low, wide c) { return pair_add(wide_scale(a, b, b_low), c); }
+
+#else
+
+typedef real wide;
+
+INLINE wide wide_of(real a) { return a; }
+INLINE real wide_round(wide a) { return a; }
+INLINE wide wide_scale(wide a, double b, double b_low) { (void)b_low; return a * R(b); }
+INLINE wide wide_madd(wide a, double b, double b_low, wide c) { (void)b_low; return madd(a, splat(R(b)), c); }
 
 #endif
-
-/* 2^-e, e the exponent of x >= 0 (of the smallest normal number where x is less). */
-INLINE double inverse_exponent(double x)
-{
-    int64_t i;
-    memcpy(&i, &x, sizeof i);
-    i = ((int64_t)2045 << 52) - (i & ((int64_t)0x7fe << 52));
-    memcpy(&x, &i, sizeof x);
-    return x;
-}
 
 #endif

@@ -7,6 +7,11 @@
 
 #include "masking.h"
 
+/* A random number of [0, 1) and what it lacks of 1, neither from the other by a difference. */
+struct uniform {
+    real u, rest;
+};
+
 /* A standard micronormal (not normalised) and what reflection and density need of it. */
 struct normal {
     real x, y, z;
@@ -15,7 +20,7 @@ struct normal {
 };
 
 /* Keeps a direction that sees nothing from giving a normal of length 0. */
-#define NORMAL_MIN (REAL_IS_FLOAT ? (real)1e-15 : (real)1e-140)
+#define NORMAL_MIN (REAL_IS_FLOAT ? R(1e-15) : R(1e-140))
 
 /*
  * GGX: spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap
@@ -23,25 +28,29 @@ struct normal {
  * 1 - C_z = u2 (1 + k'_z), 1 + C_z = (1 - k'_z) + (1 - u2)(1 + k'_z), where
  * 1 +- k'_z, 1 - u2 and their products are never differences.
  */
-INLINE struct normal ggx_sample(struct direction o, double u1, double u2)
+INLINE struct normal ggx_sample(struct direction o, struct uniform u1, struct uniform u2)
 {
-    real r = real_sqrt(madd(o.c, o.c, o.s2)), inverse = 1 / real_max(r, (real)REAL_MIN);
+    real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
     real large = r + real_abs(o.c), more = large * inverse;
-    real less = o.s2 * inverse / real_max(large, (real)REAL_MIN);
-    real up = o.c < 0 ? less : more, down = o.c < 0 ? more : less;
-    real z = (real)(1 - u2) * up, radius = real_sqrt((real)u2 * up * (down + z));
-    struct sin_cos turn = sin_cos_turns((real)u1);
+    real less_ = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
+    mask behind = less(o.c, splat(0));
+    real up = select(behind, less_, more), down = select(behind, more, less_);
+    real z = u2.rest * up, radius = root_from_zero(u2.u * up * (down + z));
+    struct sin_cos turn = sin_cos_turns(u1.u);
     real x = madd(radius, turn.cos, o.a * inverse), y = madd(radius, turn.sin, o.b * inverse);
-    z = real_max(z, NORMAL_MIN);
+    z = real_max(z, splat(NORMAL_MIN));
     real mm = madd(x, x, madd(y, y, z * z));
-    return (struct normal){ x, y, z, mm, (real)ONE_OVER_PI };
+    return (struct normal){ x, y, z, mm, splat(R(ONE_OVER_PI)) };
 }
+
+#if !REAL_IS_FLOAT /* floats are not enough where the CDF is inverted */
 
 /* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
 struct view {
     real v, g, n;
     real at_v, edge; /* n psi(v), n exp(-v^2)/sqrt(pi); scaled like sigma where c < 0 */
     real low, high;
+    mask back;       /* c < 0 */
 };
 
 struct cdf {
@@ -53,126 +62,143 @@ struct cdf {
  * t exp(2 v t - t^2) over [0, d], term by term of Hermite's generating function.
  * For |2 v d| + d^2 < EDGE the terms left out are below 1e-14 of the sum.
  */
-#define EDGE (real)0.02
+#define EDGE 0.02
 INLINE real edge_integral(real v, real d)
 {
     enum { TERMS = 13 };
-    real previous = 0, term = 1, sum = (real)0.5; /* H_n d^n / n! */
+    real previous = splat(0), term = splat(1), sum = splat(0.5); /* H_n d^n / n! */
     for (int n = 1; n < TERMS; n++) {
-        real next = 2 * (v * d * term - d * d * previous) / (real)n;
+        real next = 2 * (v * d * term - d * d * previous) * (1.0 / n);
         previous = term;
         term = next;
-        sum += term / (real)(n + 2);
+        sum += term * (1.0 / (n + 2));
     }
     return d * d * sum;
 }
 
 /* The given F, or what is exact at d = v - x next to the edge. */
-INLINE struct cdf at_edge(struct view view, real d, struct cdf away)
+INLINE struct cdf at_edge(const struct view *view, real d, struct cdf away)
 {
-    if (real_abs(2 * view.v * d) + d * d >= EDGE) return away;
-    real upper = view.edge * edge_integral(view.v, d);
-    return (struct cdf){ 1 - upper, upper, away.slope };
+    mask near = less(real_abs(2 * view->v * d) + d * d, splat(EDGE));
+    if (!any(near)) return away;
+    real upper = view->edge * edge_integral(view->v, d);
+    return (struct cdf){ select(near, 1 - upper, away.lower), select(near, upper, away.upper), away.slope };
 }
 
-INLINE struct cdf front_cdf(struct view view, real x)
+INLINE struct cdf front_cdf(const struct view *view, real x)
 {
     real e = exp_minus(x * x), w = ERFC_SCALE / (ERFC_SCALE + real_abs(x)), erfcx = erfcx_tail(w);
-    real below = e * (view.g * erfcx + view.n * (real)(1 / SQRT_PI)) * (real)0.5;
-    real above = e * ((view.g - view.n * x) * erfcx * (real)0.5 - view.n * psi_x(w)) + view.at_v;
-    above = real_max(above, 0);
-    struct cdf away = { x < 0 ? below : 1 - above, x < 0 ? 1 - below : above,
-                        (view.g - view.n * x) * e * (real)(1 / SQRT_PI) };
-    return at_edge(view, view.v - x, away);
+    real below = e * (view->g * erfcx + view->n * (1 / SQRT_PI)) * 0.5;
+    real above = e * ((view->g - view->n * x) * erfcx * 0.5 - view->n * psi_x(w)) + view->at_v;
+    above = real_max(above, splat(0));
+    mask left = less(x, splat(0));
+    struct cdf away = { select(left, below, 1 - above), select(left, 1 - below, above),
+                        (view->g - view->n * x) * e * (1 / SQRT_PI) };
+    return at_edge(view, view->v - x, away);
 }
 
 /* Over d = v - x for v < 0, where the slope density has only its tail left: F falls from 1 to 0. */
-INLINE struct cdf back_cdf(struct view view, real d)
+INLINE struct cdf back_cdf(const struct view *view, real d)
 {
-    real v = real_abs(view.v), x = v + d, w = ERFC_SCALE / (ERFC_SCALE + x);
-    real e = exp_minus(d * (d + 2 * v)) * view.n;
-    real lower = e * madd((real)0.5 * d, erfcx_tail(w), psi_x(w));
-    struct cdf away = { lower, 1 - lower, -d * e * (real)(1 / SQRT_PI) };
+    real v = real_abs(view->v), x = v + d, w = ERFC_SCALE / (ERFC_SCALE + x);
+    real e = exp_minus(d * (d + 2 * v)) * view->n;
+    real lower = e * madd(0.5 * d, erfcx_tail(w), psi_x(w));
+    struct cdf away = { lower, 1 - lower, -d * e * (1 / SQRT_PI) };
     return at_edge(view, d, away);
 }
 
+INLINE struct cdf cdf_at(const struct view *view, real x)
+{
+    struct cdf front = front_cdf(view, x);
+    if (!any(view->back)) return front;
+    struct cdf back = back_cdf(view, x);
+    return (struct cdf){ select(view->back, back.lower, front.lower), select(view->back, back.upper, front.upper),
+                         select(view->back, back.slope, front.slope) };
+}
+
 /*
- * x with F(x) = u by Newton's method kept inside a bracket: monotone in u, so
- * that stratified points stay stratified.
+ * x with F(x) = u (of a back view: its d) by Newton's method kept inside a
+ * bracket: monotone in u, so that stratified points stay stratified.
  */
-INLINE real invert(struct view view, bool back, real u, real complement)
+INLINE real invert(const struct view *view, struct uniform u)
 {
     enum { STEPS = 100 };
-    const real tolerance = REAL_IS_FLOAT ? (real)1e-7 : (real)4e-16;
-    real low = view.low, high = view.high, x = back ? (real)0.5 * (low + high) : real_min(0, high);
-    for (int step = 0; step < STEPS; step++) {
-        struct cdf f = back ? back_cdf(view, x) : front_cdf(view, x);
-        real excess = f.lower < f.upper ? f.lower - u : complement - f.upper;
-        if ((excess > 0) != back)
-            high = x;
-        else
-            low = x;
+    const double tolerance = COMPENSATED ? 4e-16 : 1e-13;
+    real low = view->low, high = view->high;
+    real x = select(view->back, 0.5 * (low + high), real_min(splat(0), high));
+    mask active = less(splat(0), splat(1));
+    for (int step = 0; step < STEPS && any(active); step++) {
+        struct cdf f = cdf_at(view, x);
+        real excess = select(less(f.lower, f.upper), f.lower - u.u, u.rest - f.upper);
+        mask over = less(splat(0), excess) ^ view->back;
+        high = select(over, x, high);
+        low = select(over, low, x);
         real next = x - excess / f.slope;
-        if (!(next > low && next < high)) next = (real)0.5 * (low + high);
-        real moved = real_abs(next - x);
-        x = next;
-        if (moved <= tolerance * real_abs(x) || high - low <= tolerance * real_abs(high)) break;
+        next = select(less(low, next) & less(next, high), next, 0.5 * (low + high));
+        mask moves = less(tolerance * real_abs(x), real_abs(next - x));
+        mask wide_open = less(tolerance * real_abs(high), high - low);
+        x = select(active, next, x);
+        active &= moves & wide_open;
     }
     return x;
 }
 
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
-#define SLOPE_MAX (REAL_IS_FLOAT ? (real)1e12 : (real)1e140) /* its square is finite, stretched too */
-#define SLOPE_END (REAL_IS_FLOAT ? (real)6.3 : (real)6.7)
+#define SLOPE_MAX 1e140 /* its square is finite, stretched too */
+#define SLOPE_END 6.7
 
-INLINE struct normal beckmann_sample(struct direction o, double u1, double u2)
+INLINE struct view view_from(struct direction o, real s)
 {
-    real s = real_sqrt(o.s2), safe = real_max(s, (real)REAL_MIN);
-    bool back = o.c < 0;
-    real area = real_max(sigma_scaled((struct model){ FACET_BECKMANN, KERNEL_SHEARED, KERNEL_SMITH }, NULL, o), (real)REAL_MIN);
-    real v = real_max(o.c / safe, -SLOPE_MAX), end = SLOPE_END;
-    real n = s / area, e = exp_minus(beckmann_v2(o));
-    struct view view = { v, o.c / area, n, n * psi_x(beckmann_tail(o)) * e, n * e * (real)(1 / SQRT_PI), -end, real_min(v, end) };
-    if (back) {
-        view.edge = n * (real)(1 / SQRT_PI);
-        view.low = 0;
-        view.high = end * end / (real_sqrt(madd(v, v, end * end)) - v);
-    }
-    real root = invert(view, back, (real)u1, (real)(1 - u1));
-    real x = back ? v - root : root;
-    struct view plain = { SLOPE_MAX, 1, 0, 0, 0, -end, end }; /* the Gaussian alone: seen from the pole */
-    real y = invert(plain, false, (real)u2, (real)(1 - u2));
-    bool pole = s < (real)REAL_MIN;
-    real ca = pole ? 1 : o.a / safe, cb = pole ? 0 : o.b / safe;
-    real exponent = back ? madd(y, y, root * (root + 2 * real_abs(v))) : madd(y, y, x * x);
-    return (struct normal){ .x = -madd(x, ca, -y * cb), .y = -madd(x, cb, y * ca), .z = 1, .mm = 1,
-                            .density = exp_minus(exponent) * (real)ONE_OVER_PI };
+    const struct model m = { FACET_BECKMANN, KERNEL_SHEARED, KERNEL_SMITH };
+    real area = real_max(sigma_scaled(m, NULL, o), splat(REAL_MIN));
+    real v = real_max(o.c / real_max(s, splat(REAL_MIN)), splat(-SLOPE_MAX)), end = splat(SLOPE_END);
+    real n = s / area, e = exp_minus_pair(beckmann_v2(o));
+    mask back = less(o.c, splat(0));
+    real back_end = end * end / (real_sqrt(madd(v, v, end * end)) - v);
+    return (struct view){
+        .v = v, .g = o.c / area, .n = n, .at_v = n * psi_x(beckmann_tail(o, s)) * e,
+        .edge = n * (1 / SQRT_PI) * select(back, splat(1), e),
+        .low = select(back, splat(0), -end), .high = select(back, back_end, real_min(v, end)), .back = back,
+    };
 }
 
+INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, struct uniform u2)
+{
+    real s = real_sqrt(o.s2), safe = real_max(s, splat(REAL_MIN)), zero = splat(0);
+    struct view view = view_from(o, s);
+    real found = invert(&view, u1), x = select(view.back, view.v - found, found);
+    /* The Gaussian alone: seen from the pole. */
+    struct view plain = { splat(SLOPE_MAX), splat(1), zero, zero, zero, splat(-SLOPE_END), splat(SLOPE_END), less(zero, zero) };
+    real y = invert(&plain, u2);
+    mask pole = less(s, splat(REAL_MIN));
+    real ca = select(pole, splat(1), o.a / safe), cb = select(pole, zero, o.b / safe);
+    real behind = madd(y, y, found * (found + 2 * real_abs(view.v)));
+    real exponent = select(view.back, behind, madd(y, y, x * x));
+    return (struct normal){ .x = nmadd(x, ca, y * cb), .y = -madd(x, cb, y * ca), .z = splat(1), .mm = splat(1),
+                            .density = exp_minus(exponent) * ONE_OVER_PI };
+}
+
+#endif
+
 struct sampled {
-    real wi_x, wi_y, wi_z, h_x, h_y, h_z, pdf;
+    struct vec3 wi, h;
+    real pdf;
 };
 
 /* The affine map, reflection wi = 2 (wo.h) h - wo, and pdf = D / (4 sigma_o). */
-INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_surface *s,
-                                     struct vec3 wo, double u1, double u2)
+INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_surface *s, struct vec3 wo,
+                                     struct direction o, struct normal m)
 {
-    struct direction o = direction_of(s, KERNEL_SHEARED, wo);
-    struct normal m = ndf == FACET_GGX ? ggx_sample(o, u1, u2) : beckmann_sample(o, u1, u2);
-    real hx = madd((real)s->alpha_x, m.x, -(real)s->slope_x * m.z);
-    real hy = madd((real)s->rho_alpha_y, m.x, madd((real)s->kappa_alpha_y, m.y, -(real)s->slope_y * m.z));
-    real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = 1 / real_sqrt(hh);
+    real hx = nmadd(m.z, splat(R(s->slope_x)), R(s->alpha_x) * m.x);
+    real hy = madd(splat(R(s->rho_alpha_y)), m.x, nmadd(m.z, splat(R(s->slope_y)), R(s->kappa_alpha_y) * m.y));
+    real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = rsqrt(hh);
     /* Of the h that is used: wi stays a mirror image, whatever rounding did to h. */
-    real twice = 2 * madd((real)wo.x, hx, madd((real)wo.y, hy, (real)wo.z * m.z)) / hh;
-    struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
-    real q = hh / (m.mm * (real)s->root_det);
+    real twice = quotient(2 * madd(wo.x, hx, madd(wo.y, hy, wo.z * m.z)), hh);
+    const struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
+    real q = quotient(hh, m.mm * R(s->root_det));
     return (struct sampled){
-        .wi_x = madd(twice, hx, -(real)wo.x),
-        .wi_y = madd(twice, hy, -(real)wo.y),
-        .wi_z = madd(twice, m.z, -(real)wo.z),
-        .h_x = hx * inverse,
-        .h_y = hy * inverse,
-        .h_z = m.z * inverse,
+        .wi = { madd(twice, hx, -wo.x), madd(twice, hy, -wo.y), madd(twice, m.z, -wo.z) },
+        .h = { hx * inverse, hy * inverse, m.z * inverse },
         .pdf = ratio(q * q * m.density, 4 * sigma_scaled(model, s, o)),
     };
 }

@@ -1,6 +1,6 @@
 /*
- * vmath.h - the transcendental functions the kernels need, branch-free so that
- * the loops around them vectorise.  Coefficients: vmath_coefficients.py.
+ * vmath.h - the transcendental functions the kernels need.  Coefficients:
+ * vmath_coefficients.py, to the degree that each tier's promise asks for.
  */
 #ifndef FACET_VMATH_H
 #define FACET_VMATH_H
@@ -9,42 +9,99 @@
 #include "vmath_coefficients.h"
 
 #if REAL_IS_FLOAT
-#define COEFFICIENTS(name) name##_FLOAT
 #define EXP_SHIFT 23
 #define EXP_BIAS 127
 #define EXP_MAGIC 12582912.0f /* 1.5 * 2^23: adding it rounds to an integer */
-#define EXP_DOMAIN 87.0f      /* exp(-87) is the last normal float */
 #else
-#define COEFFICIENTS(name) name##_DOUBLE
 #define EXP_SHIFT 52
 #define EXP_BIAS 1023
 #define EXP_MAGIC 6755399441055744.0 /* 1.5 * 2^52 */
-#define EXP_DOMAIN 708.0
+#define EXP_DOMAIN 708.0 /* exp(-708) is the last normal double */
 #endif
 
-/* Horner, written out by the preprocessor: an array would keep the loop around it from vectorising. */
-#define POLY_FIRST(c) y_ = (real)(c);
-#define POLY_STEP(c) y_ = madd(y_, x_, (real)(c));
-#define POLY(name, x)                                                           \
+/* Horner, written out by the preprocessor. */
+#define POLY_FIRST(c) y_ = splat(R(c));
+#define POLY_STEP(c) y_ = madd(y_, x_, splat(R(c)));
+#define POLY(coefficients, x)                                                   \
     __extension__({                                                             \
         real x_ = (x), y_;                                                      \
-        COEFFICIENTS(name)(POLY_FIRST, POLY_STEP) y_;                           \
+        coefficients(POLY_FIRST, POLY_STEP) y_;                                 \
     })
+
+#if defined(FACET_TIER_draft)
+#define TIER_COEFFICIENTS(name) name##_DRAFT
+#elif defined(FACET_TIER_fast)
+#define TIER_COEFFICIENTS(name) name##_FAST
+#elif defined(FACET_TIER_exact32)
+#define TIER_COEFFICIENTS(name) name##_EXACT32
+#else
+#define TIER_COEFFICIENTS(name) name##_PRECISE
+#endif
+#define EXPAND_POLY(coefficients, x) POLY(coefficients, x)
+#define TIER_POLY(name, x) EXPAND_POLY(TIER_COEFFICIENTS(name), x)
+
+#if COMPENSATED
+
+#define EXPONENT_UNIT 1.0
+#define LIFT 0
 
 /* exp(-x) for x >= 0; 0 past EXP_DOMAIN. */
 INLINE real exp_minus(real x)
 {
-    const real log2e = (real)1.44269504088896340736;
+    const lane log2e = R(1.44269504088896340736);
     /* ln 2 in two parts, the first with zeros at its end: n * high is exact. */
-    const real ln2_high = REAL_IS_FLOAT ? (real)0.693145751953125 : (real)6.93147180369123816490e-01;
-    const real ln2_low = REAL_IS_FLOAT ? (real)1.42860682030941723212e-6 : (real)1.90821492927058770002e-10;
-    real clamped = real_min(x, EXP_DOMAIN);
-    real shifted = (real)EXP_MAGIC - clamped * log2e;
-    real n = shifted - (real)EXP_MAGIC;
-    real r = madd(-n, ln2_low, madd(-n, ln2_high, -clamped));
-    real scale = real_from_bits((real_bits)((uint64_t)(real_to_bits(shifted) + EXP_BIAS) << EXP_SHIFT));
-    return x > (real)EXP_DOMAIN ? 0 : POLY(EXP, r) * scale;
+    const lane ln2_high = R(6.93147180369123816490e-01), ln2_low = R(1.90821492927058770002e-10);
+    real clamped = real_min(x, splat(EXP_DOMAIN));
+    real shifted = nmadd(clamped, splat(log2e), splat(EXP_MAGIC)), n = shifted - EXP_MAGIC;
+    real r = nmadd(n, splat(ln2_low), nmadd(n, splat(ln2_high), -clamped));
+    real scale = (real)(((bits)shifted + EXP_BIAS) << EXP_SHIFT);
+    return select(less(splat(EXP_DOMAIN), x), splat(0), TIER_POLY(EXP, r) * scale);
 }
+
+/* exp(-(x.hi + x.lo)), |x.lo| so small that its square is nothing. */
+INLINE real exp_lifted(pair x)
+{
+    real e = exp_minus(x.hi);
+    /* Where e is 0, lo may be no number. */
+    return select(less(x.hi, splat(EXP_DOMAIN)), nmadd(e, x.lo, e), splat(0));
+}
+
+INLINE real exp_minus_pair(pair x)
+{
+    return exp_lifted(x);
+}
+
+#else
+
+/* Exponents are counted in powers of two: what makes one multiplies by log2(e). */
+#define EXPONENT_UNIT 1.44269504088896340736
+/* What keeps a factor exp(-t) of a larger product normal in float. */
+#define LIFT (REAL_IS_FLOAT ? 64 : 0)
+#define EXPONENT_MAX (HAS_SCALE ? R(1e4) : REAL_IS_FLOAT ? R(189) : R(1020))
+
+/* 2^(LIFT - x) for x >= 0; beyond EXPONENT_MAX 0, or as small as there. */
+INLINE real exp_lifted(pair x)
+{
+    real most = real_min(x.hi, splat(EXPONENT_MAX));
+    real shifted = R(EXP_MAGIC) - most, n = shifted - R(EXP_MAGIC), power = TIER_POLY(EXP2, -most - n);
+#if HAS_SCALE
+    return scaled_by(power, n + R(LIFT));
+#else
+    return power * (real)(((bits)shifted + (EXP_BIAS + LIFT)) << EXP_SHIFT);
+#endif
+}
+
+INLINE real exp_minus_pair(pair x)
+{
+    return exp_lifted(x) * R(REAL_IS_FLOAT ? 0x1p-64 : 1);
+}
+
+INLINE real exp_minus(real x)
+{
+    return exp_minus_pair((pair){ x * R(EXPONENT_UNIT), splat(0) });
+}
+
+#endif
 
 struct sin_cos {
     real sin, cos;
@@ -53,32 +110,36 @@ struct sin_cos {
 /* sin and cos of 2 pi u, u in [0, 1]. */
 INLINE struct sin_cos sin_cos_turns(real u)
 {
-    real magic = (real)EXP_MAGIC, quarter = (u * 4 + magic) - magic;
-    real f = madd((real)-0.25, quarter, u), f2 = f * f;
-    real s = f * POLY(SINPI, f2), c = POLY(COSPI, f2);
+    real quarter = (u * 4 + R(EXP_MAGIC)) - R(EXP_MAGIC);
+    real f = madd(splat(R(-0.25)), quarter, u), f2 = f * f;
+    real s = f * TIER_POLY(SINPI, f2), c = TIER_POLY(COSPI, f2);
     /* Quarter 2 is quarter 0 negated, and so on; 4 is 0 again. */
     real half = quarter - 2, side = real_abs(real_abs(half) - 1); /* side 0: odd quarters */
-    real sine = side == 0 ? c : s, cosine = side == 0 ? s : c;
-    real past = real_abs(quarter - (real)2.5), left = real_abs(half + (real)0.5);
-    return (struct sin_cos){ past < 1 ? -sine : sine, left < 1 ? -cosine : cosine };
+    mask odd = less(side, splat(R(0.5)));
+    real sine = select(odd, c, s), cosine = select(odd, s, c);
+    mask past = less(real_abs(quarter - R(2.5)), splat(1)), left = less(real_abs(half + R(0.5)), splat(1));
+    return (struct sin_cos){ select(past, -sine, sine), select(left, -cosine, cosine) };
 }
 
-/* The variable of the two tails below: 1 at v = 0, 0 at infinity, for v = c / s. */
-INLINE real tail_variable(real c, real s)
-{
-    return ERFC_SCALE * s / (ERFC_SCALE * s + c);
-}
-
-/* psi_x(v) = (1/sqrt(pi) - v erfcx(v))/2 = exp(v^2) (N(v) - v), v >= 0. */
+/* psi(v) = (1/sqrt(pi) - v erfcx(v))/2, v >= 0, over w = K / (K + v), K = ERFC_SCALE: 1 at v = 0, 0 at infinity. */
 INLINE real psi_x(real w)
 {
-    return w * w * POLY(PSI, 2 * w - 1);
+    return w * w * TIER_POLY(PSI, 2 * w - 1);
 }
 
 /* erfcx(v) = exp(v^2) erfc(v), v >= 0. */
 INLINE real erfcx_tail(real w)
 {
-    return w * POLY(ERFCX, 2 * w - 1);
+    return w * TIER_POLY(ERFCX, 2 * w - 1);
 }
+
+#if !COMPENSATED
+/* e(v) = (exp(-v^2)/sqrt(pi) - v erfc v)/2, v >= 0, right to max(v, e) and not to e itself. */
+INLINE real excess_front(real v)
+{
+    const lane end = R(TIER_COEFFICIENTS(EXCESS_END));
+    return TIER_POLY(EXCESS, madd(real_min(v, splat(end)), splat(2 / end), splat(-1)));
+}
+#endif
 
 #endif

@@ -259,14 +259,14 @@ TEST(bounds_hold_for_computed_directions)
     rng_seed(&rng, 4);
     size_t checked = 0;
     for (size_t n = draw_count(1500); n--;) {
-        row = (struct row){.tier = n & 1 ? FACET_PRECISE : FACET_FAST, .ndf = n / 2 & 1};
-        row.model = (int)(n / 4 % MODELS);
+        row = (struct row){.tier = (facet_tier)(n % FACET_TIER_COUNT), .ndf = n / 4 & 1};
+        row.model = (int)(n / 8 % MODELS);
         double error = rng_log(&rng, 1e-16, 1e-6);
         facet_material m = {.ndf = (facet_ndf)row.ndf,
                             .masking = models[row.model].masking,
                             .shear = models[row.model].shear};
         draw_roughness(&rng, &draw_ordinary, &m.roughness);
-        draw_fresnel(&rng, (facet_fresnel_kind)(n / 24 % FACET_FRESNEL_COUNT), &m.fresnel);
+        draw_fresnel(&rng, (facet_fresnel_kind)(n / 48 % FACET_FRESNEL_COUNT), &m.fresnel);
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;

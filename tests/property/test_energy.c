@@ -65,7 +65,7 @@ TEST(fr_cos_never_exceeds_fresnel_times_pdf)
     size_t checked = 0;
     for (size_t round = draw_count(2500); round--;) {
         facet_material m = safe_material(&rng);
-        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;
@@ -105,9 +105,9 @@ TEST(weights_never_exceed_fresnel)
     rng_seed(&rng, 12);
     static struct pairs p;
     size_t checked = 0;
-    for (size_t round = draw_count(1000); round--;) {
+    for (size_t round = draw_count(1200); round--;) {
         facet_material m = safe_material(&rng);
-        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;

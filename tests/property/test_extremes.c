@@ -74,7 +74,7 @@ TEST(evaluation_stays_finite)
     rng_seed(&rng, 21);
     for (size_t round = draw_count(2000); round--;) {
         facet_material m = any_material(&rng);
-        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         static double i[3][N], o[3][N], y[FACET_QUANTITY_COUNT][N];
         for (size_t k = 0; k < N; k++) {
             double wi[3], wo[3];
@@ -123,7 +123,7 @@ TEST(samples_stay_finite)
     rng_seed(&rng, 22);
     for (size_t round = draw_count(4000); round--;) {
         facet_material m = any_material(&rng);
-        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         static double o[3][N], u1[N], u2[N], wi[3][N], h[3][N], weight[N], pdf[N];
         for (size_t k = 0; k < N; k++) {
             double a[3], b[3];

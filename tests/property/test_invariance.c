@@ -80,7 +80,7 @@ TEST(cutting_a_batch_changes_no_bit)
     static struct batch whole, cut, single;
     for (size_t round = draw_count(300); round--;) {
         facet_material m = any_material(&rng);
-        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         draw_batch(&rng, &draw_everywhere, &m, &whole);
         cut = single = whole;
         run(&m, tier, &whole, 0, N, -1);
@@ -103,7 +103,7 @@ TEST(channels_are_independent)
     static struct batch three, one;
     for (size_t round = draw_count(300); round--;) {
         facet_material m = any_material(&rng);
-        facet_tier tier = round & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         m.fresnel.channels = 3;
         draw_batch(&rng, &draw_everywhere, &m, &three);
         one = three;

@@ -48,7 +48,7 @@ TEST(fr_is_reciprocal)
     static struct pairs p;
     size_t checked = 0;
     for (size_t round = draw_count(1000); round--;) {
-        facet_tier tier = round / 4 & 1 ? FACET_PRECISE : FACET_FAST;
+        facet_tier tier = (facet_tier)(round / 4 % FACET_TIER_COUNT);
         facet_material m = reciprocal_material(&rng, round);
         facet_brdf *brdf = NULL;
         double bound = 0;

@@ -7,6 +7,8 @@
 #ifndef CHECK_H
 #define CHECK_H
 
+#include "rng.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -62,14 +64,5 @@ bool check_same_text(const char *a, const char *b);
 void *check_read_file(const char *path, size_t *size);
 /* Path of a file in shared data, or NULL (skip then): $FACET_DATA, else ../shared/data. Static buffer. */
 const char *check_data(const char *relative);
-
-/* Deterministic random numbers: xoshiro256**, uniform in [0, 1). */
-struct rng {
-    unsigned long long s[4];
-};
-void rng_seed(struct rng *rng, unsigned long long seed);
-double rng_uniform(struct rng *rng);
-/* Log-uniform in [low, high]. */
-double rng_log(struct rng *rng, double low, double high);
 
 #endif

@@ -5,8 +5,9 @@
 
 static bool bounds(const void *asked, facet_tier tier, double *bound)
 {
-    *bound = ((const double *)asked)[tier];
-    return *bound > 0;
+    const double *fast_precise = asked;
+    *bound = tier == FACET_FAST ? fast_precise[0] : tier == FACET_PRECISE ? fast_precise[1] : 0;
+    return *bound > 0; /* draft and exact32 promise nothing */
 }
 
 static struct promise promise_of(double fast, double precise, double tolerance, int tier,

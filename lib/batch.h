@@ -1,0 +1,58 @@
+/*
+ * batch.h - a batch on its way to the kernels: arrays of float or double, cut
+ * into blocks, converted and padded where the kernels take another type or
+ * whole vectors only.  Internal; eval.c and sample.c build on it.
+ */
+#ifndef FACET_BATCH_H
+#define FACET_BATCH_H
+
+#include "brdf.h"
+#include "dispatch.h"
+
+/* A block and what it yields stay in the first-level cache. */
+enum { BLOCK = 512 };
+
+/* An array of either type. */
+struct array {
+    void *data; /* NULL: none */
+    enum kernel_io io;
+};
+
+struct array facet_array_at(struct array array, size_t offset);
+double facet_array_get(struct array array, size_t index);
+/* What no float is near saturates. */
+void facet_array_put(struct array array, size_t index, double value);
+
+/* A batch as its caller holds it; out: NULL is not computed. */
+struct batch {
+    const facet_brdf *brdf;
+    facet_tier tier;
+    struct array wi[3], wo[3];
+    struct array out[KERNEL_QUANTITY_COUNT][3];
+};
+
+/* Evaluates n elements (eval.c). */
+void facet_batch_run(const struct batch *batch, size_t n);
+
+/* The tier that really runs: floats do not hold everything. */
+facet_tier facet_batch_tier(const facet_brdf *brdf, facet_tier tier);
+
+/* The kernels that a tier has for callers of this type, and the type that they take. */
+const struct facet_kernels *facet_kernels_nearest(facet_tier tier, enum kernel_io caller, enum kernel_io *io);
+
+/*
+ * n <= BLOCK elements of one array converted to the kernels' type and padded to
+ * whole vectors with `filler`; `to` again.
+ */
+void *facet_stage(struct array from, enum kernel_io io, size_t n, double filler, double *to);
+
+/* n, rounded up to whole vectors. */
+size_t facet_padded(size_t n);
+
+/* The other way: n elements from the kernels' array to the caller's, if it has one. */
+void facet_unstage(const double *from, enum kernel_io io, size_t n, struct array to);
+
+struct array facet_doubles(const double *v);
+struct array facet_floats(const float *v);
+
+#endif

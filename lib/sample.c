@@ -1,0 +1,110 @@
+/* sample.c - batches of samples: visible normals drawn and reflected, then weighed. */
+#include "batch.h"
+
+
+/* A batch of samples as its caller holds it. */
+struct drawn {
+    const facet_brdf *brdf;
+    facet_tier tier;
+    struct array wo[3], u[2];
+    struct array wi[3], h[3], weight[3], pdf; /* h, weight, pdf NULL: not computed */
+};
+
+/* NULL: this ndf has no sampler.  One that a tier does not have runs in the next. */
+static const struct facet_kernels *sampling_kernels(const struct drawn *d, enum kernel_io *io)
+{
+    for (int t = (int)facet_batch_tier(d->brdf, d->tier); t < FACET_TIER_COUNT; t++) {
+        const struct facet_kernels *kernels = facet_kernels_nearest((facet_tier)t, d->wo[0].io, io);
+        if (kernels->sample[d->brdf->material.ndf]) return kernels;
+    }
+    return NULL;
+}
+
+static void draw_in_place(const struct drawn *d, kernel_sample_fn *sample, size_t start, size_t n)
+{
+    struct kernel_job job = { .sampled_pdf = facet_array_at(d->pdf, start).data };
+    for (int j = 0; j < 3; j++) {
+        job.wo[j] = facet_array_at(d->wo[j], start).data;
+        job.sampled_wi[j] = facet_array_at(d->wi[j], start).data;
+        job.sampled_h[j] = facet_array_at(d->h[j], start).data;
+        if (j < 2) job.u[j] = facet_array_at(d->u[j], start).data;
+    }
+    sample(&d->brdf->surface, &job, n);
+}
+
+static void draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum kernel_io io, size_t start, size_t n)
+{
+    double wo[3][BLOCK], u[2][BLOCK], wi[3][BLOCK], h[3][BLOCK], pdf[BLOCK];
+    struct kernel_job job = { .sampled_pdf = d->pdf.data ? pdf : NULL };
+    for (int j = 0; j < 3; j++) {
+        job.wo[j] = facet_stage(facet_array_at(d->wo[j], start), io, n, j == 2, wo[j]);
+        job.sampled_wi[j] = wi[j];
+        job.sampled_h[j] = d->h[j].data ? h[j] : NULL;
+        if (j < 2) job.u[j] = facet_stage(facet_array_at(d->u[j], start), io, n, 0.5, u[j]);
+    }
+    sample(&d->brdf->surface, &job, facet_padded(n));
+    for (int j = 0; j < 3; j++) {
+        facet_unstage(wi[j], io, n, facet_array_at(d->wi[j], start));
+        facet_unstage(h[j], io, n, facet_array_at(d->h[j], start));
+    }
+    facet_unstage(pdf, io, n, facet_array_at(d->pdf, start));
+}
+
+/* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
+static void weigh(const struct drawn *d, size_t start, size_t n)
+{
+    struct batch batch = { .brdf = d->brdf, .tier = d->tier };
+    for (int j = 0; j < 3; j++) {
+        batch.wi[j] = facet_array_at(d->wi[j], start);
+        batch.wo[j] = facet_array_at(d->wo[j], start);
+        batch.out[KERNEL_WEIGHT][j] = facet_array_at(d->weight[j], start);
+    }
+    if (d->weight[0].data) facet_batch_run(&batch, n);
+}
+
+static facet_status draw(const struct drawn *d, size_t n)
+{
+    enum kernel_io io;
+    if ((unsigned)d->tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    const struct facet_kernels *kernels = sampling_kernels(d, &io);
+    if (!kernels) return FACET_UNSUPPORTED;
+    kernel_sample_fn *sample = kernels->sample[d->brdf->material.ndf];
+    for (size_t start = 0; start < n;) {
+        size_t size = n - start < BLOCK ? n - start : BLOCK;
+        if (io == d->wo[0].io && size >= KERNEL_LANES) {
+            size -= size % KERNEL_LANES;
+            draw_in_place(d, sample, start, size);
+        } else {
+            draw_staged(d, sample, io, start, size);
+        }
+        weigh(d, start, size);
+        start += size;
+    }
+    return FACET_OK;
+}
+
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
+                          const double *u2, size_t n, const facet_samples *out)
+{
+    struct drawn d = { .brdf = brdf, .tier = tier,
+                       .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) },
+                       .u = { facet_doubles(u1), facet_doubles(u2) },
+                       .wi = { facet_doubles(out->wi.x), facet_doubles(out->wi.y), facet_doubles(out->wi.z) },
+                       .h = { facet_doubles(out->h.x), facet_doubles(out->h.y), facet_doubles(out->h.z) },
+                       .weight = { facet_doubles(out->weight[0]), facet_doubles(out->weight[1]), facet_doubles(out->weight[2]) },
+                       .pdf = facet_doubles(out->pdf) };
+    return draw(&d, n);
+}
+
+facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wo, const float *u1,
+                                const float *u2, size_t n, const facet_samples_float *out)
+{
+    struct drawn d = { .brdf = brdf, .tier = tier,
+                       .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) },
+                       .u = { facet_floats(u1), facet_floats(u2) },
+                       .wi = { facet_floats(out->wi.x), facet_floats(out->wi.y), facet_floats(out->wi.z) },
+                       .h = { facet_floats(out->h.x), facet_floats(out->h.y), facet_floats(out->h.z) },
+                       .weight = { facet_floats(out->weight[0]), facet_floats(out->weight[1]), facet_floats(out->weight[2]) },
+                       .pdf = facet_floats(out->pdf) };
+    return draw(&d, n);
+}
