@@ -157,11 +157,11 @@ static size_t ray_breaks(const struct albedo *a, double low, double high)
 #define KEEP(found)                                                             \
     for (n = (found); n-- > 0;)                                                 \
         if (r[n] > low && r[n] < high) to[count++] = r[n]
-    for (size_t i = 0; i < a->kinks; i++) KEEP(albedo_ray_cosine(&a->ray, a->kink[i], r));
-    if (!is_central(&a->surface.roughness)) KEEP(albedo_ray_edge(&a->ray, r));
-    if (a->material.masking == FACET_VGROOVE) KEEP(albedo_ray_vgroove(&a->ray, r));
+    for (size_t i = 0; i < a->kinks; i++) KEEP(facet_albedo_ray_cosine(&a->ray, a->kink[i], r));
+    if (!is_central(&a->surface.roughness)) KEEP(facet_albedo_ray_edge(&a->ray, r));
+    if (a->material.masking == FACET_VGROOVE) KEEP(facet_albedo_ray_vgroove(&a->ray, r));
 #undef KEEP
-    double pole = albedo_pole(&a->surface, &a->view, &phi);
+    double pole = facet_albedo_pole(&a->surface, &a->view, &phi);
     if ((a->surface.is_rough || a->surface.is_careful) && pole > low && pole < high) to[count++] = pole;
     to[count++] = low;
     to[count++] = high;
@@ -182,8 +182,8 @@ static facet_status integrate_ray(struct albedo *a, double phi, struct integral 
         a->since_asked = 0;
         if (a->watch.cancelled && a->watch.cancelled(a->watch.user)) return FACET_CANCELLED;
     }
-    a->ray = albedo_ray_of(&a->surface, &a->view, phi);
-    if (!albedo_ray_lit(&a->ray, &a->view, &low, &high)) return FACET_OK;
+    a->ray = facet_albedo_ray_of(&a->surface, &a->view, phi);
+    if (!facet_albedo_ray_lit(&a->ray, &a->view, &low, &high)) return FACET_OK;
     double end = SLOPE_END * fmin(a->scale, 1);
     if (a->material.ndf == FACET_BECKMANN) {
         double v = a->view.c < 0 ? a->view.c / hypot(a->view.a, a->view.b) : 0;
@@ -214,7 +214,7 @@ static facet_status integrate_rays(struct albedo *a, const double target[3], dou
                                    struct integral *sum)
 {
     double phi[ALBEDO_AZIMUTHS_MAX];
-    size_t count = albedo_azimuths(&a->surface, &a->view, a->half, phi);
+    size_t count = facet_albedo_azimuths(&a->surface, &a->view, a->half, phi);
     struct integrate rule = { .fn = around, .user = a, .values = a->channels,
                               .relative = target ? 0 : relative, .panel = a->angle,
                               .panels = ANGLE_PANELS, .budget = &a->budget };
@@ -270,7 +270,7 @@ static facet_status integrate_direction(struct albedo *a, double x, double y, do
     struct integral sum = { { 0 }, { 0 } };
     *out = (facet_albedo_value){ { 0 }, { 0 } };
     if (!(z > 0)) return FACET_OK;
-    a->view = albedo_view_of(&a->surface, x, y, z);
+    a->view = facet_albedo_view_of(&a->surface, x, y, z);
     a->condition = 1;
     a->behind = a->material.ndf != FACET_GGX && -a->view.c > BEHIND * hypot(a->view.a, a->view.b);
     facet_status status = integrate_to_size(a, tolerance, size, &sum);

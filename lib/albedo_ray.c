@@ -5,7 +5,7 @@
 #define PI 3.14159265358979323846
 
 /* c by its own rounding only: next to c = 0 the shear's terms cancel. */
-struct albedo_view albedo_view_of(const struct albedo_surface *s, double x, double y, double z)
+struct albedo_view facet_albedo_view_of(const struct albedo_surface *s, double x, double y, double z)
 {
     const facet_roughness *r = &s->roughness;
     long double lean = (long double)r->slope_x * x + (long double)r->slope_y * y;
@@ -17,7 +17,7 @@ struct albedo_view albedo_view_of(const struct albedo_surface *s, double x, doub
     };
 }
 
-struct albedo_ray albedo_ray_of(const struct albedo_surface *s, const struct albedo_view *view,
+struct albedo_ray facet_albedo_ray_of(const struct albedo_surface *s, const struct albedo_view *view,
                                 double phi)
 {
     const facet_roughness *r = &s->roughness;
@@ -79,7 +79,7 @@ static size_t cubic(const double k[4], double r[3])
     return found;
 }
 
-bool albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view, double *low,
+bool facet_albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view, double *low,
                     double *high)
 {
     double r[2], k0 = 2 * ray->c - view->z * ray->n[0], z = view->z;
@@ -89,21 +89,21 @@ bool albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view
     return *high > *low;
 }
 
-size_t albedo_ray_cosine(const struct albedo_ray *ray, double k, double r[2])
+size_t facet_albedo_ray_cosine(const struct albedo_ray *ray, double k, double r[2])
 {
     double c = ray->c, g = ray->g;
     return quadratic(c * c - k * ray->n[0], -2 * c * g - k * ray->n[1], g * g - k * ray->n[2], r);
 }
 
 /* 2 q (1 + mean.s) = c_o N. */
-size_t albedo_ray_edge(const struct albedo_ray *ray, double r[2])
+size_t facet_albedo_ray_edge(const struct albedo_ray *ray, double r[2])
 {
     double c = ray->c, g = ray->g, lean = 0.5 * ray->n[1];
     return quadratic(c * ray->n[0], -2 * g * ray->n[0], -2 * g * lean - c * ray->n[2], r);
 }
 
 /* min(1, 2 c_i/q, 2 c_o/q): 2 c_o = q, c_i = c_o, 2 c_i = q. */
-size_t albedo_ray_vgroove(const struct albedo_ray *ray, double r[5])
+size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5])
 {
     double c = ray->c, g = ray->g, lean = 0.5 * ray->n[1];
     size_t count = 0;
@@ -115,7 +115,7 @@ size_t albedo_ray_vgroove(const struct albedo_ray *ray, double r[5])
     return count + cubic(k, r + count);
 }
 
-double albedo_pole(const struct albedo_surface *s, const struct albedo_view *view, double *phi)
+double facet_albedo_pole(const struct albedo_surface *s, const struct albedo_view *view, double *phi)
 {
     const facet_roughness *m = &s->roughness;
     double scale = -1 / (1 + view->z);
@@ -126,7 +126,7 @@ double albedo_pole(const struct albedo_surface *s, const struct albedo_view *vie
 }
 
 /*
- * Rays that touch the horizon from outside: the discriminant of albedo_ray_lit,
+ * Rays that touch the horizon from outside: the discriminant of facet_albedo_ray_lit,
  * (g + z l)^2 + z k0 n2 with g, l linear and n2 quadratic in (cos, sin), vanishes.
  */
 static size_t tangents(const struct albedo_surface *s, const struct albedo_view *v, double phi[2])
@@ -170,7 +170,7 @@ static void grade(double *phi, size_t *count, double plane, double turn, double 
     }
 }
 
-size_t albedo_azimuths(const struct albedo_surface *s, const struct albedo_view *v, bool half,
+size_t facet_albedo_azimuths(const struct albedo_surface *s, const struct albedo_view *v, bool half,
                        double phi[ALBEDO_AZIMUTHS_MAX])
 {
     const facet_roughness *r = &s->roughness;
@@ -185,7 +185,7 @@ size_t albedo_azimuths(const struct albedo_surface *s, const struct albedo_view 
     for (int i = -1; i <= 1; i += 2)
         grade(phi, &count, plane, turn, level + i * PI / 2, v->z * fmin(1, s->alpha_1) / side);
     if (!half) {
-        albedo_pole(s, v, &pole);
+        facet_albedo_pole(s, v, &pole);
         if (s->is_rough || s->is_careful) insert(phi, &count, plane, turn, pole);
         for (int i = 0; i < 4 && (s->is_thin || s->is_careful); i++)
             insert(phi, &count, plane, turn, axis + i * PI / 2);

@@ -32,20 +32,20 @@ struct albedo_ray {
     double cosine, sine, dx, dy, c, g, n[3];
 };
 
-struct albedo_view albedo_view_of(const struct albedo_surface *surface, double x, double y, double z);
-struct albedo_ray albedo_ray_of(const struct albedo_surface *surface, const struct albedo_view *view,
+struct albedo_view facet_albedo_view_of(const struct albedo_surface *surface, double x, double y, double z);
+struct albedo_ray facet_albedo_ray_of(const struct albedo_surface *surface, const struct albedo_view *view,
                                 double phi);
 
 /* The part of the ray whose wi lies above the horizon; false: none. */
-bool albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view, double *low,
+bool facet_albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view, double *low,
                     double *high);
 
 /* Where theta_d has this cosine: at most 2 radii; returns how many (some may be negative). */
-size_t albedo_ray_cosine(const struct albedo_ray *ray, double cosine_squared, double r[2]);
+size_t facet_albedo_ray_cosine(const struct albedo_ray *ray, double cosine_squared, double r[2]);
 /* Where wi stands on the edge of the mean facet, c_i = 0: at most 2. */
-size_t albedo_ray_edge(const struct albedo_ray *ray, double r[2]);
+size_t facet_albedo_ray_edge(const struct albedo_ray *ray, double r[2]);
 /* Where the minimum of the V-cavities' G changes over: at most 5. */
-size_t albedo_ray_vgroove(const struct albedo_ray *ray, double r[5]);
+size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5]);
 
 /*
  * Azimuths at which the integral over a ray bends, as a function of the azimuth: the plane of wo, the axes of
@@ -53,9 +53,9 @@ size_t albedo_ray_vgroove(const struct albedo_ray *ray, double r[5]);
  * from the first, over one turn (or half of one, if the other half is its mirror image).
  */
 enum { ALBEDO_AZIMUTHS_MAX = 96 };
-size_t albedo_azimuths(const struct albedo_surface *surface, const struct albedo_view *view,
+size_t facet_albedo_azimuths(const struct albedo_surface *surface, const struct albedo_view *view,
                        bool half, double phi[ALBEDO_AZIMUTHS_MAX]);
 /* The standard slope of the h that reflects wo to the pole. */
-double albedo_pole(const struct albedo_surface *surface, const struct albedo_view *view, double *phi);
+double facet_albedo_pole(const struct albedo_surface *surface, const struct albedo_view *view, double *phi);
 
 #endif
