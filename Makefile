@@ -106,7 +106,7 @@ REFERENCE_O := $(patsubst %.c,$(B)/%.o,$(wildcard tests/accuracy/reference*.c))
 $(REFERENCE_O): $(B)/%.o: %.c Makefile
 	@mkdir -p $(@D)
 	gcc $(BASE) -g -O2 -Ilib -MMD -MP -c -o $@ $<
-REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference
+REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference $(B)/tests/unit/test_reference_samplers
 $(REFERENCED): $(REFERENCE_O)
 $(REFERENCED): LDLIBS += -lquadmath
 
