@@ -109,8 +109,9 @@ static void write_furnace(FILE *md)
                   {"V-cavity, Beckmann", 1, 1, VCAVITY_METHOD}, {"V-cavity, GGX", 0, 1, VCAVITY_METHOD}};
     fprintf(md, "## White furnace: old against visible normals\n\n"
                 "Root mean square error of eight instances after %d samples, relative to the exact albedo "
-                "(quadrature, 1e-9). The pictures furnace-* show the eight instances themselves. The text of the paper that we have does not carry the alpha and theta of its "
-                "Tables 1 and 2; it says that theta = 0 is equivalent and theta > 1 is where visible normals win.\n\n"
+                "(quadrature, 1e-9). The pictures furnace-* show the eight instances themselves. Which alpha and theta "
+                "the paper's tables have is not in its text; it says that theta = 0 is equivalent and that theta > 1 "
+                "is where visible normals win.\n\n"
                 "| model | alpha | theta (rad) | albedo | ndf | visible normals | ndf / visible |\n"
                 "|---|---|---|---|---|---|---|\n", LAST);
     FILE *truth = open_file("furnace-exact.csv");
