@@ -309,7 +309,7 @@ static struct integrate mean_rule(struct albedo *a, integrand_fn *fn, double sha
 {
     struct integrate rule = { .fn = fn, .user = a, .values = a->channels, .panel = panel,
                               .relative = a->size ? 0 : share * a->tolerance,
-                              .panels = OUTER_PANELS, .budget = &a->budget };
+                              .panels = OUTER_PANELS, .budget = &a->budget, .is_smooth = true };
     for (size_t c = 0; c < a->channels; c++)
         rule.absolute[c] = fmax(a->size ? share * a->tolerance * a->size[c] : 0, FACET_FLOOR * 1e-3);
     return rule;

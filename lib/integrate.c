@@ -38,10 +38,11 @@ static int outward(int i)
  * CAUTION; with 1000 the estimate is no less than d down to 1e-9, so that it holds for kinks too.
  */
 #define CAUTION 1000
-static double rule_error(double difference, double spread, double magnitude)
+#define CAUTION_SMOOTH 200
+static double rule_error(double caution, double difference, double spread, double magnitude)
 {
     double error = difference;
-    if (spread > 0 && difference > 0) error = spread * fmin(1, pow(CAUTION * difference / spread, 1.5));
+    if (spread > 0 && difference > 0) error = spread * fmin(1, pow(caution * difference / spread, 1.5));
     return fmax(error, ROUNDING * magnitude);
 }
 
@@ -52,6 +53,7 @@ static facet_status measure(const struct integrate *rule, struct integrate_panel
     for (int i = 0; i < INTEGRATE_POINTS; i++)
         at[i] = middle + (i < HALF ? -half : half) * nodes[outward(i)];
     facet_status status = rule->fn(rule->user, at, of);
+    const double caution = rule->is_smooth ? CAUTION_SMOOTH : CAUTION;
     for (size_t v = 0; v < rule->values; v++) {
         double fine = 0, coarse = 0, spread = 0, magnitude = 0, own = 0;
         for (int i = 0; i < INTEGRATE_POINTS; i++) {
@@ -64,7 +66,7 @@ static facet_status measure(const struct integrate *rule, struct integrate_panel
         for (int i = 0; i < INTEGRATE_POINTS; i++)
             spread += kronrod[outward(i)] * fabs(of[i].value[v] - 0.5 * fine);
         panel->sum.value[v] = fine * half;
-        panel->sum.error[v] = half * (rule_error(fabs(fine - coarse), spread, magnitude) + own);
+        panel->sum.error[v] = half * (rule_error(caution, fabs(fine - coarse), spread, magnitude) + own);
     }
     return status;
 }
