@@ -106,7 +106,7 @@ REFERENCE_O := $(patsubst %.c,$(B)/%.o,$(wildcard tests/accuracy/reference*.c))
 $(REFERENCE_O): $(B)/%.o: %.c Makefile
 	@mkdir -p $(@D)
 	gcc $(BASE) -g -O2 -Ilib -MMD -MP -c -o $@ $<
-REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference
+REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference $(B)/tests/unit/test_reference_samplers
 $(REFERENCED): $(REFERENCE_O)
 $(REFERENCED): LDLIBS += -lquadmath
 
@@ -146,6 +146,15 @@ test: ## install what is missing, build, run every test; ends with "N passed, N 
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
 
+# The experiments of the papers, as tables and pictures.
+REPORT := $(B)/tests/report/report
+$(REPORT): $(patsubst %.c,$(B)/%.o,$(wildcard tests/report/*.c)) $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
+report: ## furnaces, wasted samples, efficiency of the samplers: build/report/report.md, .csv, .png, .svg
+	@$(MAKE) --no-print-directory deps WHEN='build report'
+	@$(MAKE) -s --no-print-directory $(REPORT)
+	@mkdir -p build/report && $(REPORT) build/report && tests/report/draw.sh build/report && echo "see build/report/report.md"
+
 container: ## build the Dockerfile without a Docker engine, run the image and ask it
 	@$(MAKE) --no-print-directory deps WHEN=container
 	@tests/container.sh
@@ -184,6 +193,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers clean run test demo container install help deps deps-check
+.PHONY: all report openapi clients check check-layers clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

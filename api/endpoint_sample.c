@@ -2,8 +2,8 @@
 #include "endpoint.h"
 #include "evaluate.h"
 #include "limits.h"
-#include "random.h"
 #include "sampler.h"
+#include "sequence.h"
 
 #include <math.h>
 
@@ -16,7 +16,7 @@ struct sample_request {
     struct directions wo;
     struct numbers u; /* pairs */
     int64_t n, seed;
-    int pairing, sampler;
+    int pairing, sampler, sequence;
     uint32_t outputs;
     int64_t channels;
     bool flat;
@@ -40,7 +40,9 @@ static const struct field request_fields[] = {
     {R(n), FIELD_INTEGER, .min = 1, .max = LIMIT_EVALUATIONS,
      .doc = "instead of u: samples per wo, all those of the first wo first"},
     {R(seed), FIELD_INTEGER, .min = 0, .max = 0x1p53,
-     .doc = "with n: sample k has u = values 2k and 2k + 1 of the SplitMix64 stream; 0 by default"},
+     .doc = "with n: where the sequence starts; random: sample k has u = values 2k and 2k + 1 of the "
+            "SplitMix64 stream; 0 by default"},
+    SEQUENCE_FIELD(struct sample_request),
     PAIRING_FIELD(struct sample_request, pairing),
     SAMPLER_FIELD(struct sample_request),
     {R(outputs), FIELD_SET, FIELD_DEFAULT, .names = output_names,
@@ -100,10 +102,13 @@ static bool pair_up(struct job *job, struct problem *problem)
     static const char *const names[] = {"wo", "u"};
     const struct sample_request *in = job->in;
     bool by_n = in->n > 0, by_list = in->u.values;
-    struct place u = {NULL, "u", 0}, n = {NULL, "n", 0}, seed = {NULL, "seed", 0};
+    struct place u = {NULL, "u", 0}, n = {NULL, "n", 0}, seed = {NULL, "seed", 0},
+                 sequence = {NULL, "sequence", 0};
     if (by_n == by_list)
         return api_problem_at(problem, by_n ? &n : &u, by_n ? "excludes u" : "or n is required");
     if (in->seed >= 0 && !by_n) return api_problem_at(problem, &seed, "needs n");
+    if (in->sequence != SEQUENCE_RANDOM && !by_n)
+        return api_problem_at(problem, &sequence, "needs n");
     if (by_list)
         return api_pairing(job->wo.count, in->u.count, in->pairing, names, problem, &job->pairing);
     if ((size_t)in->n > LIMIT_EVALUATIONS / job->wo.count)
@@ -125,8 +130,11 @@ static void fill_u(const struct job *job, size_t start, size_t n)
             job->u[0][i] = in->u.values[2 * at];
             job->u[1][i] = in->u.values[2 * at + 1];
         } else {
-            job->u[0][i] = api_random(seed, 2 * (uint64_t)k);
-            job->u[1][i] = api_random(seed, 2 * (uint64_t)k + 1);
+            uint64_t each = (uint64_t)in->n;
+            double u[2];
+            api_sequence((enum sequence)in->sequence, seed, k / each, k % each, each, u);
+            job->u[0][i] = u[0];
+            job->u[1][i] = u[1];
         }
     }
 }

@@ -90,6 +90,7 @@ ask '"count":200000' /v1/eval -H 'X-Request-Id: demo-grid' \
 logged demo-grid
 ask '"pdf"' /v1/pdf -d "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":0.2,\"alpha_y\":0.5,\"rho\":0.3},$pair}"
 ask '"weight"' /v1/sample -d "{\"material\":$gold,\"wo\":[[0,0,1]],\"n\":4,\"seed\":7}"
+ask '"average"' /v1/albedo -d "{\"material\":$gold,\"wo\":{\"theta\":[0,0.7,1.4],\"phi\":[0]},\"average\":true}"
 ask '"moments"' /v1/material -d '{"material":{"ndf":"beckmann","alpha_1":0.4,"alpha_2":0.1,"phi":0.5}}'
 
 echo; echo "== fit"

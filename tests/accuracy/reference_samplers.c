@@ -1,0 +1,276 @@
+#include "reference_samplers.h"
+
+#include <quadmath.h>
+
+static quad dot(const quad a[3], const quad b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static bool is_central(const facet_roughness *r)
+{
+    return r->slope_x == 0 && r->slope_y == 0;
+}
+
+/* ---- m and h ------------------------------------------------------------------------- */
+
+/* h, of length 1, of the standard micronormal m, and back (m of any length). */
+static void to_surface(const facet_roughness *r, const quad m[3], quad h[3])
+{
+    quad rho = r->rho;
+    h[0] = r->alpha_x * m[0] - r->slope_x * m[2];
+    h[1] = r->alpha_y * (rho * m[0] + sqrtq(1 - rho * rho) * m[1]) - r->slope_y * m[2];
+    h[2] = m[2];
+    quad length = sqrtq(dot(h, h));
+    for (int j = 0; j < 3; j++) h[j] /= length;
+}
+
+static void to_standard(const facet_roughness *r, const quad h[3], quad m[3])
+{
+    quad rho = r->rho;
+    m[0] = (h[0] + r->slope_x * h[2]) / r->alpha_x;
+    m[1] = ((h[1] + r->slope_y * h[2]) / r->alpha_y - rho * m[0]) / sqrtq(1 - rho * rho);
+    m[2] = h[2];
+    quad length = sqrtq(dot(m, m));
+    for (int j = 0; j < 3; j++) m[j] /= length;
+}
+
+/* ---- bounded --------------------------------------------------------------------------- */
+
+/* The axes of the ellipse: eigenvalues of the matrix of squared slopes. */
+static void axes(const facet_roughness *r, quad *alpha_1, quad *alpha_2)
+{
+    quad xx = (quad)r->alpha_x * r->alpha_x, yy = (quad)r->alpha_y * r->alpha_y;
+    quad xy = (quad)r->rho * r->alpha_x * r->alpha_y, root = sqrtq((xx - yy) * (xx - yy) + 4 * xy * xy);
+    *alpha_1 = sqrtq((xx + yy + root) / 2);
+    *alpha_2 = sqrtq(xx * yy - xy * xy) / *alpha_1;
+}
+
+quad reference_bounded_share(const facet_material *material, const double wo[3])
+{
+    const facet_roughness *r = &material->roughness;
+    if (!is_central(r) || !(wo[2] > 0) || material->ndf != FACET_GGX) return 1;
+    quad alpha_1, alpha_2, x = wo[0], y = wo[1], z = wo[2], side = sqrtq(x * x + y * y), sign = 1;
+    axes(r, &alpha_1, &alpha_2);
+    quad a = alpha_1 < alpha_2 ? alpha_1 : alpha_2;
+    bool isotropic = r->alpha_x == r->alpha_y && r->rho == 0;
+    if (a > 1 && isotropic) /* the tighter form: 1 - sin with alpha as it is */
+        sign = -1;
+    else if (a > 1)
+        a = 1;
+    quad q = 1 + sign * side;
+    return (1 - a * a) * q * q / (q * q + a * a * z * z);
+}
+
+/* C uniform on the directions with C_z > -K k'_z; m = C + k'. */
+static void bounded(const facet_material *material, const double wo[3], quad u1, quad u2, quad m[3])
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    struct reference_view k = reference_project(&material->roughness, o);
+    quad r = sqrtq(k.s * k.s + k.c * k.c), share = reference_bounded_share(material, wo);
+    quad height = k.c >= 0 ? 1 + share * k.c / r : k.s * k.s / (r * (r - k.c));
+    quad w = u2 * height, t = height * (1 - u2) - share * k.c / r, radius = sqrtq((1 - t) * (1 + t));
+    if (share == 1) radius = sqrtq(w * (2 - w)), t = 1 - w;
+    m[0] = radius * cosq(2 * M_PIq * u1) + k.a / r;
+    m[1] = radius * sinq(2 * M_PIq * u1) + k.b / r;
+    m[2] = share == 1 ? height - w : t + k.c / r;
+}
+
+static quad bounded_pdf(const facet_material *material, const double wo[3], const quad H[3])
+{
+    if (!(H[2] > 0)) return 0;
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    struct reference_view k = reference_project(&material->roughness, o);
+    quad r = sqrtq(k.s * k.s + k.c * k.c), share = reference_bounded_share(material, wo), m[3];
+    to_standard(&material->roughness, H, m);
+    quad C = 2 * (k.a * m[0] + k.b * m[1] + k.c * m[2]) / r * m[2] - k.c / r; /* k' mirrored at m */
+    if (C < -share * k.c / r) return 0;
+    quad d = reference_ndf(material, H);
+    if (k.c < 0) return d * (r - k.c) / (2 * k.s * k.s); /* K = 1; r + c without the difference */
+    return d / (2 * (share * k.c + r));
+}
+
+/* ---- ndf, slope, cosine -------------------------------------------------------------------- */
+
+static void all_normals(facet_ndf ndf, quad u1, quad u2, quad m[3])
+{
+    quad radius = ndf == FACET_GGX ? sqrtq(u1 / (1 - u1)) : sqrtq(-log1pq(-u1));
+    m[0] = radius * cosq(2 * M_PIq * u2);
+    m[1] = radius * sinq(2 * M_PIq * u2);
+    m[2] = 1;
+}
+
+/* D h_z/(4 |wo.h|) with h turned up; |wo.h| = |H|/2. */
+static quad all_normals_pdf(const facet_material *material, const quad H[3])
+{
+    quad sign = H[2] < 0 ? -1 : 1, up[3] = {sign * H[0], sign * H[1], sign * H[2]}, h2 = dot(H, H);
+    return H[2] == 0 ? 0 : reference_ndf(material, up) * up[2] / (2 * h2);
+}
+
+/* z with CDF 1/2 + (t + sin t cos t)/pi, t = atan z, by bisection on t; sine and cosine of t. */
+static void across(quad u, quad *sine, quad *cosine)
+{
+    quad low = -M_PI_2q, high = M_PI_2q;
+    for (int i = 0; i < 113; i++) {
+        quad t = (low + high) / 2;
+        if (t + sinq(t) * cosq(t) < M_PIq * (u - 0.5Q))
+            low = t;
+        else
+            high = t;
+    }
+    *sine = sinq((low + high) / 2);
+    *cosine = cosq((low + high) / 2);
+}
+
+/* tan of beta = asin(u1 (1 + c) - c) - theta along wo; sec(beta) z across. */
+static void slope_ggx(const facet_material *material, const double wo[3], quad u1, quad u2, quad m[3])
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    struct reference_view k = reference_project(&material->roughness, o);
+    quad r = sqrtq(k.s * k.s + k.c * k.c), c = k.c / r, theta = atan2q(k.s, k.c);
+    quad height = k.c >= 0 ? 1 + c : k.s * k.s / (r * (r - k.c)), sine, cosine;
+    quad beta = asinq(u1 * height - c) - theta;
+    across(u2, &sine, &cosine);
+    quad x = sinq(beta) * cosine, y = sine, z = cosq(beta) * cosine; /* slopes times z */
+    quad a = k.s > 0 ? k.a / k.s : 1, b = k.s > 0 ? k.b / k.s : 0;
+    m[0] = -(x * a - y * b);
+    m[1] = -(x * b + y * a);
+    m[2] = z;
+}
+
+quad reference_pdf_by(enum reference_method method, const facet_material *material,
+                      const quad wi[3], const double wo[3], const quad H[3])
+{
+    struct reference all;
+    switch (method) {
+    case REFERENCE_BOUNDED:
+        return bounded_pdf(material, wo, H);
+    case REFERENCE_NDF:
+        return all_normals_pdf(material, H);
+    case REFERENCE_SLOPE_GGX:
+        reference_eval_exact(material, wi, wo, H, &all);
+        return all.of[FACET_PDF][0];
+    default:
+        return wi[2] > 0 ? wi[2] / M_PIq : 0;
+    }
+}
+
+/* wi and H = 2 (wo.h) h */
+static void reflect(const double wo[3], const quad h[3], quad wi[3], quad H[3])
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    quad twice = 2 * dot(o, h);
+    for (int j = 0; j < 3; j++) {
+        H[j] = twice * h[j];
+        wi[j] = H[j] - o[j];
+    }
+}
+
+void reference_sample_by(enum reference_method method, const facet_material *material,
+                         const double wo[3], double u1, double u2, struct reference_sample *result)
+{
+    quad m[3], H[3];
+    if (method == REFERENCE_COSINE) {
+        quad radius = sqrtq(u1), angle = 2 * M_PIq * u2, length = 0;
+        result->wi[0] = radius * cosq(angle);
+        result->wi[1] = radius * sinq(angle);
+        result->wi[2] = sqrtq(1 - (quad)u1);
+        for (int j = 0; j < 3; j++) H[j] = result->wi[j] + wo[j];
+        length = sqrtq(dot(H, H));
+        for (int j = 0; j < 3; j++) result->h[j] = H[j] / length;
+    } else {
+        if (method == REFERENCE_BOUNDED) bounded(material, wo, u1, u2, m);
+        if (method == REFERENCE_NDF) all_normals(material->ndf, u1, u2, m);
+        if (method == REFERENCE_SLOPE_GGX) slope_ggx(material, wo, u1, u2, m);
+        to_surface(&material->roughness, m, result->h);
+        reflect(wo, result->h, result->wi, H);
+    }
+    struct reference all;
+    reference_eval_exact(material, result->wi, wo, H, &all);
+    result->pdf = reference_pdf_by(method, material, result->wi, wo, H);
+    for (int j = 0; j < 3; j++)
+        result->weight[j] = all.of[FACET_FR_COS][j] == 0 ? 0 : all.of[FACET_FR_COS][j] / result->pdf;
+}
+
+/* ---- V-cavities ------------------------------------------------------------------------------ */
+
+struct reference_twins reference_vcavity(const facet_material *material, const double wo[3],
+                                         double u1, double u2)
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    struct reference_twins t;
+    quad m[3], seen[2];
+    all_normals(material->ndf, u1, u2, m);
+    to_surface(&material->roughness, m, t.h[0]);
+    t.h[1][0] = -t.h[0][0];
+    t.h[1][1] = -t.h[0][1];
+    t.h[1][2] = t.h[0][2];
+    for (int i = 0; i < 2; i++) {
+        quad cosine = dot(o, t.h[i]);
+        seen[i] = cosine > 0 ? cosine : 0;
+    }
+    t.chance = seen[0] + seen[1] > 0 ? seen[1] / (seen[0] + seen[1]) : 0;
+    return t;
+}
+
+quad reference_vcavity_pdf(const facet_material *material, const double wo[3], const quad H[3])
+{
+    if (!(H[2] > 0) || !(wo[2] > 0)) return 0;
+    quad g1 = 4 * H[2] * wo[2] / dot(H, H); /* 2 h_z z_o / <o, h> */
+    return (g1 < 1 ? g1 : 1) * reference_ndf(material, H) / (4 * (quad)wo[2]);
+}
+
+/* ---- Glass -------------------------------------------------------------------------------------- */
+
+/* From below everything is seen from the other end of each direction, with 1/eta. */
+static quad relative_eta(const facet_material *material, const double wo[3], size_t channel)
+{
+    quad eta = material->fresnel.eta[channel];
+    return wo[2] < 0 ? 1 / eta : eta;
+}
+
+static quad fresnel(quad eta, quad c)
+{
+    quad g2 = eta * eta - 1 + c * c, g = g2 > 0 ? sqrtq(g2) : 0;
+    quad s = (c - g) / (c + g), p = (eta * eta * c - g) / (eta * eta * c + g);
+    return g2 <= 0 ? 1 : (s * s + p * p) / 2;
+}
+
+bool reference_refracted(const facet_material *material, const double wo[3], const quad h[3],
+                         size_t channel, quad wi[3])
+{
+    quad sign = wo[2] < 0 ? -1 : 1, eta = relative_eta(material, wo, channel);
+    const quad o[3] = {sign * wo[0], sign * wo[1], sign * wo[2]};
+    quad c = dot(o, h), g2 = eta * eta - 1 + c * c;
+    if (!(c > 0) || !(g2 > 0)) return false;
+    for (int j = 0; j < 3; j++) wi[j] = sign * ((c - sqrtq(g2)) * h[j] - o[j]) / eta;
+    return true;
+}
+
+void reference_refract(const facet_material *material, const quad wi[3], const double wo[3],
+                       size_t channel, struct reference_refraction *result)
+{
+    quad sign = wo[2] < 0 ? -1 : 1, eta = relative_eta(material, wo, channel), H[3];
+    const quad i[3] = {sign * wi[0], sign * wi[1], sign * wi[2]};
+    const double o[3] = {(double)sign * wo[0], (double)sign * wo[1], (double)sign * wo[2]};
+    const quad oq[3] = {o[0], o[1], o[2]};
+    *result = (struct reference_refraction){.fresnel = 1};
+    for (int j = 0; j < 3; j++) H[j] = -(o[j] + eta * i[j]);
+    quad length = sqrtq(dot(H, H)), turn = H[2] < 0 ? -1 : 1;
+    if (length == 0) return;
+    for (int j = 0; j < 3; j++) H[j] *= turn / length;
+    quad oh = dot(oq, H), ih = dot(i, H);
+    if (!(o[2] > 0 && i[2] < 0 && oh > 0 && ih < 0)) return;
+    quad f = fresnel(eta, oh), d = reference_ndf(material, H), below[3] = {-i[0], -i[1], -i[2]};
+    /* Masking of wo and of -wi, as if they were a pair of reflection. */
+    double down[3] = {(double)below[0], (double)below[1], (double)below[2]};
+    quad so = reference_sigma(material, o), si = reference_sigma(material, down);
+    quad gi = below[2] / si, go = o[2] / so;
+    quad g = material->masking == FACET_SMITH ? gi * go / (gi + go - gi * go) : gi * go;
+    quad bottom = oh + eta * ih;
+    result->jacobian = eta * eta * -ih / (bottom * bottom);
+    result->fresnel = f;
+    result->f = oh * result->jacobian * (1 - f) * d * g / (o[2] * below[2]);
+    result->pdf = (1 - f) * oh * d / so * result->jacobian;
+    for (int j = 0; j < 3; j++) result->h[j] = H[j];
+}
