@@ -59,7 +59,7 @@ LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
 # Tests of dirs in PER_ISA run once per instruction set, the others once.
-PER_ISA := tests/property tests/accuracy
+PER_ISA := tests/property tests/accuracy tests/extremes
 TESTS_ISA  := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard $(addsuffix /test_*.c,$(PER_ISA))))
 TESTS_ONCE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/unit/test_*.c))
 # tests/server: a test program that talks to the daemon, built once with the API and once with a
@@ -146,6 +146,11 @@ test: ## install what is missing, build, run every test; ends with "N passed, N 
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
 
+# A thousand million calls at the extremes, a million pairs through the public door.
+SOAK := $(B)/tests/extremes/test_many $(B)/tests/accuracy/test_answers
+soak: $(SOAK) ## the tests of extremes and of answered bounds, a hundred times as long
+	@for t in $(SOAK); do for i in $(ISAS); do FACET_TEST_SCALE=100 FACET_ISA=$$i $$t || exit 1; done; done
+
 # The experiments of the papers, as tables and pictures.
 REPORT := $(B)/tests/report/report
 $(REPORT): $(patsubst %.c,$(B)/%.o,$(wildcard tests/report/*.c)) $(B)/libfacet.a
@@ -154,6 +159,18 @@ report: ## furnaces, wasted samples, efficiency of the samplers: build/report/re
 	@$(MAKE) --no-print-directory deps WHEN='build report'
 	@$(MAKE) -s --no-print-directory $(REPORT)
 	@mkdir -p build/report && $(REPORT) build/report && tests/report/draw.sh build/report && echo "see build/report/report.md"
+
+# Speed and error together: build/bench.json, build/bench/bench.md, build/bench/pareto.svg and .png.
+BENCH := $(B)/tests/bench/bench
+$(B)/tests/bench/%.o: BASE := -std=gnu11 $(WARN)
+$(BENCH): $(patsubst %.c,$(B)/%.o,$(wildcard tests/bench/*.c)) $(addprefix $(B)/tests/,support/draw.o support/rng.o accuracy/reference.o) $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
+bench: ## speed and error of every quantity, tier and instruction set against the textbook: build/bench.json, build/bench/
+	@$(MAKE) --no-print-directory deps WHEN='build report'
+	@$(MAKE) -s --no-print-directory $(BENCH)
+	@mkdir -p build/bench && $(BENCH) >build/bench.json
+	@tests/bench/summary.py build/bench.json build/bench $(B)/lib/kernel >build/bench/bench.md && tests/bench/pareto.sh build/bench
+	@cat build/bench/bench.md; echo; echo "see build/bench.json, build/bench/bench.md, build/bench/pareto.png"
 
 container: ## build the Dockerfile without a Docker engine, run the image and ask it
 	@$(MAKE) --no-print-directory deps WHEN=container
@@ -193,6 +210,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all report openapi clients check check-layers clean run test demo container install help deps deps-check
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

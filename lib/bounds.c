@@ -88,6 +88,17 @@ static double form_condition(const facet_brdf *b)
 }
 
 /*
+ * Seen from behind a sheared Beckmann surface, an exponent is the difference of
+ * two squares of slopes, right to a pair's rounding of either.
+ */
+static double exponent_error(const facet_brdf *b, facet_tier tier)
+{
+    if (b->material.ndf != FACET_BECKMANN || b->shape != KERNEL_SHEARED || tier != FACET_PRECISE) return 0;
+    double slope = form_condition(b);
+    return 8 * rounding_of(tier) * slope * slope;
+}
+
+/*
  * By how much an absolute error in the components of wi and wo grows in slopes:
  * H may be short, and slopes are divided by alpha_2.
  */
@@ -180,7 +191,7 @@ static double surface_bound(const facet_brdf *b, facet_tier tier, double base, d
     double gain = slope_gain(b->material.ndf);
     /* In precise what the map adds is in the rows. */
     double general = b->shape == KERNEL_ISO || tier == FACET_PRECISE ? 1 : 2;
-    return base * general + gain * form_rounding(tier) * form_condition(b) +
+    return base * general + gain * form_rounding(tier) * form_condition(b) + exponent_error(b, tier) +
            (input_error > 0 ? gain * input_error * input_condition(b) : 0);
 }
 

@@ -107,7 +107,10 @@ INLINE real beckmann_density_scaled(const struct kernel_surface *s, struct half 
 #else
     pair rest = { t.hi - v2.hi, splat(0) };
 #endif
-    return beckmann_value(s, h, inverse, (pair){ select(behind, real_max(rest.hi, splat(0)), t.hi), select(behind, rest.lo, t.lo) });
+    /* The difference is never negative but by its rounding. */
+    mask some = less(splat(0), rest.hi);
+    rest = (pair){ select(some, rest.hi, splat(0)), select(some, rest.lo, splat(0)) };
+    return beckmann_value(s, h, inverse, (pair){ select(behind, rest.hi, t.hi), select(behind, rest.lo, t.lo) });
 }
 
 INLINE real beckmann_sigma(struct direction k)

@@ -150,24 +150,24 @@ INLINE pair pair_product(real a, real b, real b_low)
     return (pair){ p, product_error(a, b, p) + a * b_low };
 }
 
-INLINE pair pair_add(pair a, pair b)
-{
-    pair s = pair_sum(a.hi, b.hi);
-    return (pair){ s.hi, s.lo + (a.lo + b.lo) };
-}
-
-/* Normalised, as the others are by nature. */
-INLINE pair pair_multiply(pair a, pair b)
-{
-    real p = a.hi * b.hi, rest = madd(a.hi, b.lo, madd(a.lo, b.hi, product_error(a.hi, b.hi, p))), s = p + rest;
-    return (pair){ s, rest - (s - p) };
-}
-
 /* hi the sum rounded, lo the rest, for |lo| below |hi|. */
 INLINE pair pair_normalise(pair a)
 {
     real s = a.hi + a.lo;
     return (pair){ s, a.lo - (s - a.hi) };
+}
+
+/* Normalised: where the first parts cancel, the second are no longer small. */
+INLINE pair pair_add(pair a, pair b)
+{
+    pair s = pair_sum(a.hi, b.hi);
+    return pair_normalise((pair){ s.hi, s.lo + (a.lo + b.lo) });
+}
+
+INLINE pair pair_multiply(pair a, pair b)
+{
+    real p = a.hi * b.hi, rest = madd(a.hi, b.lo, madd(a.lo, b.hi, product_error(a.hi, b.hi, p))), s = p + rest;
+    return (pair){ s, rest - (s - p) };
 }
 
 /* a / b to about the digits of a pair. */

@@ -66,7 +66,7 @@ INLINE pair mean_cosine(const struct kernel_surface *s, struct vec3 k)
 {
 #if COMPENSATED
     pair x = pair_product(k.x, splat(-s->slope_x), splat(0)), y = pair_product(k.y, splat(-s->slope_y), splat(0));
-    return pair_normalise(pair_add((pair){ k.z, splat(0) }, pair_add(x, y)));
+    return pair_add((pair){ k.z, splat(0) }, pair_add(x, y));
 #elif REAL_IS_FLOAT
     return mean_cosine_of_doubles(s, widen(k.x), widen(k.y), widen(k.z));
 #else
@@ -77,7 +77,7 @@ INLINE pair mean_cosine(const struct kernel_surface *s, struct vec3 k)
 /* s2 and what it lacks (which only Beckmann's exponents ask for). */
 INLINE void set_square(struct direction *k, pair a, pair b)
 {
-    pair s2 = pair_normalise(pair_add(pair_multiply(a, a), pair_multiply(b, b)));
+    pair s2 = pair_add(pair_multiply(a, a), pair_multiply(b, b));
     k->s2 = s2.hi, k->s2_low = s2.lo;
 }
 
@@ -132,8 +132,7 @@ INLINE void standard_slopes(const struct kernel_surface *s, wide mean_x, wide me
     wide cross = wide_madd(mean_y, s->alpha_x, 0, wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
 #if COMPENSATED
     /* scale goes first: scale times a parameter overflows where H is subnormal */
-    pair x = pair_normalise((pair){ mean_x.hi * scale, mean_x.lo * scale });
-    pair y = pair_normalise((pair){ cross.hi * scale, cross.lo * scale });
+    pair x = { mean_x.hi * scale, mean_x.lo * scale }, y = { cross.hi * scale, cross.lo * scale };
     h->x = x.hi * s->weight_x;
     h->y = y.hi * s->weight_y;
     h->wide_x = pair_multiply(x, (pair){ splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low) });

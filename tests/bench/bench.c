@@ -2,7 +2,7 @@
  * bench.c - speed and error together: every quantity, ndf, variant, tier and
  * instruction set against the textbook, in one run.
  *
- * Prints one JSON object a line (the members are those of struct row).  ns: the
+ * Prints one JSON object a line.  ns: the
  * least of many batches of pairs in the first-level cache; ratio: the textbook's
  * ns over ours, both measured here and now; errors: relative, against the
  * quad-precision reference, over materials and pairs drawn across the variant's
@@ -43,7 +43,7 @@ enum { VARIANTS = sizeof variants / sizeof *variants };
 static const struct draw_domain iso_domain = {.alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0, .slope_max = 0, .cosine_min = 1e-6};
 static const struct draw_domain full_domain = {.alpha_min = 0.05, .alpha_max = 2, .rho_max = 0.7, .slope_max = 0.3, .cosine_min = 1e-3};
 
-/* Pairs in both types; the doubles hold what the floats hold when exact_floats is asked for. */
+/* Pairs in both types: the doubles hold what the floats hold. */
 struct pairs {
     size_t n;
     double d[6][PAIRS];
@@ -140,7 +140,9 @@ struct errors {
     size_t count;
 };
 
-static struct errors errors[FACET_QUANTITY_COUNT][FACET_TIER_COUNT];
+/* The textbook comes after the tiers. */
+enum { TEXTBOOK = FACET_TIER_COUNT };
+static struct errors errors[FACET_QUANTITY_COUNT][FACET_TIER_COUNT + 1];
 
 static void add_error(struct errors *e, double y, quad x)
 {
@@ -158,7 +160,10 @@ static void compare(const facet_material *m, const facet_brdf *brdf, const struc
     for (size_t k = 0; k < p->n; k++) {
         const double wi[3] = {p->d[0][k], p->d[1][k], p->d[2][k]}, wo[3] = {p->d[3][k], p->d[4][k], p->d[5][k]};
         struct reference x;
+        struct yardstick y = yardstick_of(m);
         reference_eval(m, wi, wo, &x);
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+            add_error(&errors[q][TEXTBOOK], yardstick_eval(&y, (facet_quantity)q, wi, wo), x.of[q][0]);
         for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
             for (int t = 0; t < FACET_TIER_COUNT; t++) {
                 double bound;
@@ -199,6 +204,25 @@ static bool wanted(const char *filter, const char *name)
     return !filter || !*filter || strstr(filter, name);
 }
 
+static double ghz;
+
+/* A dependent addition takes a cycle. */
+static double measure_clock(void)
+{
+    enum { STEPS = 100000000 };
+    double best = 0;
+    for (int round = 0; round < 3; round++) {
+        double start = now_ns();
+        unsigned long x = 1;
+        for (long i = 0; i < STEPS; i++) {
+            x += 3;
+            __asm__ volatile("" : "+r"(x));
+        }
+        best = fmax(best, STEPS / (now_ns() - start));
+    }
+    return best;
+}
+
 static void bench(facet_ndf ndf, const struct variant *v, const char *isa)
 {
     static struct pairs p;
@@ -213,10 +237,10 @@ static void bench(facet_ndf ndf, const struct variant *v, const char *isa)
             if (!e->count || !wanted(getenv("BENCH_QUANTITY"), quantity_names[q])) continue;
             struct timing time = measure(&m, (facet_tier)t, (facet_quantity)q, &p);
             printf("{\"quantity\":\"%s\",\"ndf\":\"%s\",\"variant\":\"%s\",\"tier\":\"%s\",\"isa\":\"%s\",\"ns\":%.3f,"
-                   "\"ratio\":%.1f,\"max_rel\":%.2g,\"rms_rel\":%.2g}\n",
+                   "\"ratio\":%.1f,\"max_rel\":%.2g,\"rms_rel\":%.2g,\"textbook_max_rel\":%.2g,\"ghz\":%.2f}\n",
                    q == FACET_FR ? "eval" : quantity_names[q], ndf == FACET_GGX ? "ggx" : "beckmann", v->name,
                    facet_tier_name((facet_tier)t), isa, time.ours, time.textbook / time.ours, e->max,
-                   sqrt(e->square / (double)e->count));
+                   sqrt(e->square / (double)e->count), fmin(errors[q][TEXTBOOK].max, 1), ghz);
             fflush(stdout);
         }
 }
@@ -224,6 +248,7 @@ static void bench(facet_ndf ndf, const struct variant *v, const char *isa)
 int main(void)
 {
     const char *isa;
+    ghz = measure_clock();
     for (size_t i = 0; (isa = facet_isa_list(i)); i++) {
         if (!wanted(getenv("BENCH_ISA"), isa) || facet_isa_select(isa)) continue;
         for (int ndf = 0; ndf < 2; ndf++)

@@ -1,0 +1,125 @@
+/*
+ * Random requests through the public door: the numbers of every answer against
+ * the quad-precision reference on the numbers sent.  The error never exceeds the
+ * bound answered.  FACET_TEST_SCALE=100 asks a million pairs.
+ */
+#include "ask.h"
+#include "check.h"
+#include "draw.h"
+#include "reference.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PAIRS = 20 };
+
+static const struct draw_domain domain = {.alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0.95, .slope_max = 0.5, .cosine_min = 1e-6};
+
+struct text {
+    char bytes[16384];
+    size_t size;
+};
+
+__attribute__((format(printf, 2, 3))) static void put(struct text *t, const char *format, ...)
+{
+    va_list list;
+    va_start(list, format);
+    t->size += (size_t)vsnprintf(t->bytes + t->size, sizeof t->bytes - t->size, format, list);
+    va_end(list);
+}
+
+static void put_directions(struct text *t, const char *name, double w[PAIRS][3])
+{
+    put(t, ",\"%s\":[", name);
+    for (int k = 0; k < PAIRS; k++) put(t, "%s[%.17g,%.17g,%.17g]", k ? "," : "", w[k][0], w[k][1], w[k][2]);
+    put(t, "]");
+}
+
+static void put_material(struct text *t, const facet_material *m)
+{
+    static const char *const maskings[] = {"smith", "smith_uncorrelated", "vgroove", "none"};
+    const facet_roughness *r = &m->roughness;
+    put(t, "{\"material\":{\"ndf\":\"%s\",\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g,\"mean_slope\":[%.17g,%.17g],\"masking\":\"%s\"",
+        m->ndf == FACET_GGX ? "ggx" : "beckmann", r->alpha_x, r->alpha_y, r->rho, r->slope_x, r->slope_y, maskings[m->masking]);
+    const facet_fresnel *f = &m->fresnel;
+    if (f->kind == FACET_FRESNEL_SCHLICK) put(t, ",\"fresnel\":{\"schlick\":{\"f0\":%.17g}}", f->f0[0]);
+    if (f->kind == FACET_FRESNEL_DIELECTRIC) put(t, ",\"fresnel\":{\"dielectric\":{\"eta\":%.17g}}", f->eta[0]);
+    put(t, "}");
+}
+
+static double length(const double w[3])
+{
+    return hypot(hypot(w[0], w[1]), w[2]);
+}
+
+static facet_material any_material(struct rng *rng)
+{
+    facet_material m = {.ndf = rng_uniform(rng) < 0.5 ? FACET_GGX : FACET_BECKMANN, .fresnel = {.channels = 1}};
+    m.masking = rng_uniform(rng) < 0.7 ? FACET_SMITH : (facet_masking)(rng_uniform(rng) * FACET_MASKING_COUNT);
+    draw_roughness(rng, &domain, &m.roughness);
+    m.fresnel.kind = (facet_fresnel_kind)(rng_uniform(rng) * 3); /* ideal, Schlick, dielectric */
+    m.fresnel.f0[0] = rng_uniform(rng);
+    m.fresnel.eta[0] = 1.01 + 2 * rng_uniform(rng);
+    return m;
+}
+
+/* The number of pairs checked; 0 where the answer was a refusal. */
+static size_t check_answer(const facet_material *m, const struct answer *a, double wi[PAIRS][3], double wo[PAIRS][3], size_t tiers[FACET_TIER_COUNT])
+{
+    static const struct {
+        const char *name;
+        facet_quantity quantity;
+    } asked[] = {{"fr", FACET_FR}, {"pdf", FACET_PDF}, {"D", FACET_D}};
+    json_t *accuracy = json_object_get(a->json, "accuracy");
+    const char *tier = json_string_value(json_object_get(accuracy, "tier"));
+    double bound = answer_bound(a);
+    for (int t = 0; t < FACET_TIER_COUNT; t++) tiers[t] += tier && !strcmp(tier, facet_tier_name((facet_tier)t));
+    for (size_t k = 0; k < PAIRS; k++) {
+        struct reference x;
+        reference_eval(m, wi[k], wo[k], &x);
+        for (size_t j = 0; j < sizeof asked / sizeof *asked; j++) {
+            double y = answer_number(a, asked[j].name, k), error = reference_error(y, x.of[asked[j].quantity][0], FACET_FLOOR);
+            if (error <= bound) continue;
+            check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, answered bound %.3g, %s\n    %s", asked[j].name, y,
+                       (double)x.of[asked[j].quantity][0], error, bound, tier ? tier : "?", draw_text(m));
+        }
+    }
+    return PAIRS;
+}
+
+TEST(no_error_exceeds_the_bound_answered)
+{
+    struct rng rng;
+    rng_seed(&rng, 41);
+    size_t pairs = 0, refused = 0, tiers[FACET_TIER_COUNT] = {0};
+    for (size_t n = draw_count(500); n--;) {
+        static double wi[PAIRS][3], wo[PAIRS][3];
+        struct text t = {.size = 0};
+        facet_material m = any_material(&rng);
+        bool floats = n & 1;
+        for (int k = 0; k < PAIRS; k++) {
+            do { /* what is not a unit vector is normalised first, or refused */
+                draw_pair(&rng, &domain, &m, wi[k], wo[k]);
+            } while (fabs(length(wi[k]) - 1) > 1e-7 || fabs(length(wo[k]) - 1) > 1e-7);
+            for (int j = 0; j < 3 && floats; j++) wi[k][j] = (float)wi[k][j], wo[k][j] = (float)wo[k][j];
+        }
+        put_material(&t, &m);
+        put_directions(&t, "wi", wi);
+        put_directions(&t, "wo", wo);
+        put(&t, ",\"outputs\":[\"fr\",\"pdf\",\"D\"],\"tolerance\":%.17g}", rng_log(&rng, 1e-15, 1e-1));
+        struct answer a = ask_post("/v1/eval", t.bytes);
+        if (a.response.status == 200)
+            pairs += check_answer(&m, &a, wi, wo, tiers);
+        else
+            refused++;
+        if (a.response.status != 200 && a.response.status != 422) CHECK_INT(a.response.status, 200);
+        answer_clear(&a);
+    }
+    check_note("pairs", (double)pairs);
+    check_note("refused", (double)refused);
+    for (int t = 0; t < FACET_TIER_COUNT; t++) check_note(facet_tier_name((facet_tier)t), (double)tiers[t]);
+    if (draw_count(100) >= 100) CHECK(tiers[FACET_DRAFT] && tiers[FACET_FAST] && tiers[FACET_EXACT32] && tiers[FACET_PRECISE]);
+}
