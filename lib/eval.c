@@ -123,21 +123,33 @@ void facet_batch_run(const struct batch *batch, size_t n)
     }
 }
 
+/* Where of n <= BLOCK elements there is no number; how many. */
+static size_t find_nans(struct array a, size_t n, size_t at[BLOCK + 1])
+{
+    const float *f = a.data;
+    const double *d = a.data;
+    size_t count = 0;
+    if (a.io == KERNEL_FLOAT)
+        for (size_t k = 0; k < n; k++) at[count] = k, count += f[k] != f[k];
+    else
+        for (size_t k = 0; k < n; k++) at[count] = k, count += d[k] != d[k];
+    return count;
+}
+
 /* One stray after the other into arrays of doubles, and their results back. */
 static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n)
 {
     double in[6][BLOCK], out[3][BLOCK];
-    size_t at[BLOCK], count = 0;
+    size_t at[BLOCK + 1];
     const struct array *columns = batch->out[quantity];
-    for (size_t k = start; k < start + n; k++) {
-        bool stray = false;
-        for (int c = 0; c < 3; c++) stray |= columns[c].data && isnan(facet_array_get(columns[c], k));
-        if (!stray) continue;
+    /* A stray is one in every channel. */
+    size_t count = find_nans(facet_array_at(columns[0], start), n, at);
+    for (size_t i = 0; i < count; i++) {
+        at[i] += start;
         for (int j = 0; j < 3; j++) {
-            in[j][count] = facet_array_get(batch->wi[j], k);
-            in[3 + j][count] = facet_array_get(batch->wo[j], k);
+            in[j][i] = facet_array_get(batch->wi[j], at[i]);
+            in[3 + j][i] = facet_array_get(batch->wo[j], at[i]);
         }
-        at[count++] = k;
     }
     struct batch again = { .brdf = batch->brdf, .tier = FACET_PRECISE };
     for (int j = 0; j < 3; j++) {

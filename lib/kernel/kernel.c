@@ -100,7 +100,7 @@ INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, c
 #else
 #define SHORTEST2 R(1e-60)
 #define LARGEST R(1e300)
-#define LEAST_COSINE 0x1p-13
+#define LEAST_COSINE 0x1p-16
 #endif
 
 /* Not a number counts as beyond. */

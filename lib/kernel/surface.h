@@ -74,12 +74,14 @@ INLINE pair mean_cosine(const struct kernel_surface *s, struct vec3 k)
 #endif
 }
 
-/* s2 and what it lacks (which only Beckmann's exponents ask for). */
-INLINE void set_square(struct direction *k, pair a, pair b)
+#if COMPENSATED
+/* What s2 lacks: only Beckmann's exponents ask, and only then it is computed. */
+INLINE real square_low(real s2, pair a, pair b)
 {
-    pair s2 = pair_add(pair_multiply(a, a), pair_multiply(b, b));
-    k->s2 = s2.hi, k->s2_low = s2.lo;
+    pair exact = pair_add(pair_multiply(a, a), pair_multiply(b, b));
+    return (exact.hi - s2) + exact.lo;
 }
+#endif
 
 INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel_shape shape,
                                      struct vec3 d, pair c)
@@ -91,7 +93,7 @@ INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel
         k.s2 = R(s->alpha_x * s->alpha_x) * madd(d.x, d.x, d.y * d.y);
 #if COMPENSATED
         pair ax = pair_product(d.x, splat(s->alpha_x), splat(0)), ay = pair_product(d.y, splat(s->alpha_x), splat(0));
-        set_square(&k, ax, ay);
+        k.s2_low = square_low(k.s2, ax, ay);
 #endif
         return k;
     }
@@ -100,7 +102,7 @@ INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel
     k.b = R(s->kappa_alpha_y) * d.y;
     k.s2 = madd(k.a, k.a, k.b * k.b);
 #if COMPENSATED
-    set_square(&k, a, pair_product(d.y, splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low)));
+    k.s2_low = square_low(k.s2, a, pair_product(d.y, splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low)));
 #endif
     if (shape == KERNEL_SHEARED) k.c = c.hi, k.c_low = c.lo;
     return k;

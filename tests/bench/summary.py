@@ -73,7 +73,8 @@ def roofline(rows, isa, kernels):
     width = {"base": 16, "avx2": 32, "avx512": 64}.get(isa, 16)
     print(f"\n### roofline, {isa}: cycles per f_r\n")
     print("The floor counts the arithmetic instructions of the compiled loop (both branches where it has any) at two vectors a cycle,\n"
-          "quotients and roots at eight cycles each; the clock is measured by dependent additions.\n")
+          "quotients and roots at eight cycles each; the clock is measured by dependent additions.  A core that works 512-bit vectors\n"
+          "in halves does one a cycle: twice the floor is then its limit.\n")
     print("| kernel | tier | vector instructions | floor | measured | measured / floor |\n|---|---|---|---|---|---|")
     shapes = {"iso_schlick": "ISO_SCHLICK", "full_dielectric": "SHEARED_DIELECTRIC"}
     for r in rows:
