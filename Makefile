@@ -93,6 +93,15 @@ $(B)/%.o: %.c Makefile
 $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS) $(LDLIBS_$(notdir $@))
 
+# What measures the wire, and what feeds it nonsense: not tests by themselves.
+WIRE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/wire/bench_*.c))
+$(WIRE): %: %.o $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire
+	@for b in $(WIRE); do $$b; done
+check-numbers: $(B)/tests/unit/test_number ## the number codec on 10^8 random decimals and on every float (about 10 minutes)
+	FACET_NUMBERS=1e8 $< && FACET_NUMBERS=all $< floats_round_trip
+
 # ---- the black-box client: shares no code with the product -------------------------
 CLIENTS  := client abuse readme
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
@@ -198,6 +207,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
