@@ -1,5 +1,6 @@
 #include "number.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -239,7 +240,7 @@ static const char *exponent_of(const char *p, const char *end, int64_t *exponent
     return p;
 }
 
-const char *api_number_parse(const char *at, const char *end, double *value)
+static inline const char *parse(const char *at, const char *end, double *value)
 {
     const char *p = at;
     bool negative = p < end && *p == '-';
@@ -268,6 +269,37 @@ const char *api_number_parse(const char *at, const char *end, double *value)
         magnitude = by_library((struct decimal){first, last, exponent});
     *value = from_bits(to_bits(magnitude) | (uint64_t)negative << 63);
     return p;
+}
+
+const char *api_number_parse(const char *at, const char *end, double *value)
+{
+    return parse(at, end, value);
+}
+
+static inline const char *skip_space(const char *p, const char *end)
+{
+    while (p < end && (*p == ' ' || *p == '\n' || *p == '\t' || *p == '\r')) p++;
+    return p;
+}
+
+size_t api_number_run(const char **at, const char *end, double *out, size_t room, bool *expecting)
+{
+    const char *p = *at, *next;
+    size_t n = 0;
+    *expecting = true;
+    while (n < room) {
+        p = skip_space(p, end);
+        if (!(next = parse(p, end, &out[n])) || !(fabs(out[n]) <= DBL_MAX)) break;
+        n++;
+        p = skip_space(next, end);
+        if (p == end || *p != ',') {
+            *expecting = false;
+            break;
+        }
+        p++;
+    }
+    *at = p;
+    return n;
 }
 
 /* ---- Printing ---------------------------------------------------------------------------------- */
@@ -395,7 +427,7 @@ __attribute__((noinline, cold)) static uint64_t round_by_library(double value, i
 }
 
 /* value > 0 rounded to n of so many digits, times 10^(exponent + 1 - digits). */
-static inline uint64_t round_to_digits(double value, int digits, int *exponent)
+static uint64_t round_to_digits(double value, int digits, int *exponent)
 {
     uint64_t bits = to_bits(value), w = bits & (((uint64_t)1 << 52) - 1);
     int e = (int)(bits >> 52);
@@ -418,12 +450,37 @@ static inline uint64_t round_to_digits(double value, int digits, int *exponent)
     return tens[digits - 1];
 }
 
+/*
+ * The same of a normal number and at most 9 digits, from one product of leading words, which lies
+ * less than 2 below the exact one; 0 where that cannot tell.
+ */
+static inline uint64_t round_to_few(uint64_t bits, int digits, int *exponent)
+{
+    uint64_t w = bits << 11 | (uint64_t)1 << 63;
+    int e = (int)(bits >> 52) - 1023, k = log10_of_binary(e);
+    k += (log2_of_power(k + 1) == e) & (w >= (uint64_t)(power(k + 1) >> 64));
+    int q = digits - 1 - k, shift = 62 - e - log2_of_power(q);
+    uint64_t high = (uint64_t)((wide)w * (uint64_t)(power(q) >> 64) >> 64), n = high >> shift;
+    uint64_t half = (uint64_t)1 << shift >> 1, rest = high - (n << shift);
+    n += rest >= half;
+    *exponent = k;
+    return (rest - (half - 2) <= 2) | (n >= tens[digits]) ? 0 : n;
+}
+
 int api_number_print_digits(char *out, double value, int digits)
 {
     char *p = out;
-    int exponent, length = write_special(&p, &value);
-    if (length >= 0) return length;
-    uint64_t n = round_to_digits(value, digits, &exponent);
+    uint64_t bits = to_bits(value) << 1 >> 1, n = 0;
+    int exponent, length;
+    if (digits <= 9 && (bits >> 52) - 1 < 2046) {
+        *p = '-';
+        p += to_bits(value) >> 63;
+        n = round_to_few(bits, digits, &exponent);
+        value = from_bits(bits);
+    } else if ((length = write_special(&p, &value)) >= 0) {
+        return length;
+    }
+    if (!n) n = round_to_digits(value, digits, &exponent);
     p += write_decimal(p, n, digits, exponent);
     *p = 0;
     return (int)(p - out);

@@ -10,12 +10,21 @@
 #ifndef API_NUMBER_H
 #define API_NUMBER_H
 
+#include <stdbool.h>
+#include <stddef.h>
+
 /*
  * The JSON number (RFC 8259 section 6) that begins at `at`, nearest double, ties to even; an
  * infinity where it is too large.  Returns its end, or NULL where no number begins.  Reads nothing
  * at or past `end`.
  */
 const char *api_number_parse(const char *at, const char *end, double *value);
+
+/*
+ * Numbers separated by commas and white space, at most `room` of them; how many.  *at moves to what
+ * is not taken; *expecting: another element belongs there, since nothing or a comma came before.
+ */
+size_t api_number_run(const char **at, const char *end, double *out, size_t room, bool *expecting);
 
 /* Room for any number printed here; no NUL is written past it. */
 enum { NUMBER_ROOM = 40, NUMBER_SHORTEST = 0, NUMBER_DIGITS_MAX = 17 };

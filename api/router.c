@@ -175,12 +175,14 @@ static bool decode_json_body(struct call *call, void *in, struct decoder *decode
     const struct api_request *request = call->request;
     if (request->body_size > LIMIT_JSON_BODY)
         return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);
-    json_t *json = api_json_parse(request->body, request->body_size, call->problem);
-    if (!json) return false;
+    struct document *document = api_arena_array(call->arena, 1, sizeof *document);
+    if (!document) return api_problem_memory(call->problem);
+    if (!api_json_read(request->body, request->body_size, call->arena, call->problem, document))
+        return false;
     bool ok = request->query && *request->query
-                  ? api_decode_query(request->query, json, endpoint->request, in, decoder)
-                  : api_decode(json, endpoint->request, in, NULL, decoder);
-    json_decref(json);
+                  ? api_decode_query(request->query, document->root, endpoint->request, in, decoder)
+                  : api_decode(document->root, endpoint->request, in, NULL, decoder);
+    json_decref(document->root);
     return ok;
 }
 
