@@ -35,7 +35,7 @@ struct api_trace {
 
 struct api_header {
     const char *name;
-    char value[128];
+    char value[512];
 };
 
 struct api_response {

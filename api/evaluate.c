@@ -89,9 +89,6 @@ static bool allocate(struct job *job, struct arena *arena)
         size_t columns = is_coloured[q] ? job->surface.channels : 1;
         for (size_t c = 0; c < columns; c++)
             if (!(job->outputs.of[q][c] = api_arena_doubles(arena, n))) return false;
-        size_t width = is_coloured[q] ? job->channels : 1;
-        api_results_open(&job->results[q], arena, width, job->evaluation->flat,
-                         job->promise.digits);
     }
     return true;
 }
@@ -128,9 +125,9 @@ static bool print_chunk(struct call *call, struct job *job, size_t n)
         if (!asked(job->evaluation, q)) continue;
         double *const *of = job->outputs.of[q];
         double *columns[3] = {of[0], of[1] ? of[1] : of[0], of[2] ? of[2] : of[0]};
-        if (!api_results_add(&job->results[q], columns, n))
-            return api_problem(call->problem, 500, "%s of pair %zu is not finite", names[q],
-                               job->results[q].count);
+        enum results_fault fault = api_results_add(&job->results[q], columns, n);
+        if (!api_results_check(fault, &job->results[q], names[q], "pair", call->problem))
+            return false;
     }
     return true;
 }
@@ -163,6 +160,35 @@ static size_t numbers_per_pair(const struct job *job)
     return n;
 }
 
+static void open_results(struct job *job, struct arena *arena)
+{
+    const struct evaluation *evaluation = job->evaluation;
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        if (asked(evaluation, q))
+            api_results_open(&job->results[q], arena, evaluation->representation.format,
+                             is_coloured[q] ? job->channels : 1, evaluation->flat,
+                             job->promise.digits);
+}
+
+static void close_results(struct job *job)
+{
+    struct evaluation *evaluation = job->evaluation;
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+        if (!asked(evaluation, q)) continue;
+        struct results *results = &job->results[q];
+        api_results_close(results);
+        evaluation->arrays[evaluation->array_count++] = (struct named_results){names[q], results};
+        if (results->format == RESULTS_JSON) evaluation->of[q] = &results->text;
+    }
+}
+
+bool api_answer_evaluation(struct call *call, const struct evaluation *evaluation)
+{
+    if (evaluation->representation.format == RESULTS_JSON) return true;
+    return api_answer_arrays(call, &evaluation->representation, evaluation->arrays,
+                             evaluation->array_count);
+}
+
 bool api_evaluate(struct call *call, struct evaluation *evaluation)
 {
     struct decoder decoder = {call->arena, call->problem};
@@ -183,15 +209,14 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         !api_promise(evaluation->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) job->results[q].digits = job->promise.digits;
+    if (!api_represent(call, evaluation->dtype, evaluation->accuracy, &job->promise,
+                       &evaluation->representation))
+        return false;
+    open_results(job, call->arena);
     call->response->trace.decode_us += api_clock() - start - call->response->trace.compute_us;
     call->response->trace.tier = api_tier_names[job->promise.tier];
     if (!compute(call, job)) return false;
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
-        if (!asked(evaluation, q)) continue;
-        api_results_close(&job->results[q]);
-        evaluation->of[q] = &job->results[q].text;
-    }
+    close_results(job);
     evaluation->count = job->pairs.pairing.count;
     evaluation->answer =
         (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN};

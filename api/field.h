@@ -55,7 +55,10 @@ struct numbers {
     const double *values;
 };
 
-/* The member of an as_sent field: little-endian float32, not aligned, or else doubles. */
+/*
+ * The member of an as_sent field: little-endian float32, not aligned, or else doubles.  Floats of a
+ * field without range have not been looked at: they may be infinite or NaN.
+ */
 struct sent_numbers {
     struct numbers numbers; /* values NULL with floats */
     const void *floats;

@@ -233,7 +233,7 @@ static bool take_numbers(const struct number_array *array, size_t count, const s
     *out = (struct numbers){.count = count};
     if (array->type == ARRAY_FLOAT && field->as_sent) {
         ((struct sent_numbers *)(void *)out)->floats = array->data;
-        return check_elements(array, field, place, decoder);
+        return !(field->min < field->max) || check_elements(array, field, place, decoder);
     }
     out->values = doubles_of(array, field, place, decoder);
     return out->values;

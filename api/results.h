@@ -1,4 +1,7 @@
-/* results.h - arrays of results, printed chunk by chunk while they are computed. */
+/*
+ * results.h - arrays of results, encoded chunk by chunk while they are computed: as JSON, or as
+ * little-endian float32 or float64.
+ */
 #ifndef API_RESULTS_H
 #define API_RESULTS_H
 
@@ -6,19 +9,27 @@
 
 #include <stdbool.h>
 
+enum results_format { RESULTS_JSON, RESULTS_FLOAT32, RESULTS_FLOAT64 };
+
 struct results {
-    struct text text;
+    struct text text; /* or bytes */
+    enum results_format format;
     size_t width; /* numbers per element */
-    bool flat;    /* [x,y,z,x,..] instead of [[x,y,z],..] */
-    int digits;
+    bool flat;    /* JSON: [x,y,z,x,..] instead of [[x,y,z],..] */
+    int digits;   /* JSON */
     size_t count; /* elements so far */
 };
 
-void api_results_open(struct results *results, struct arena *arena, size_t width, bool flat,
-                      int digits);
-/* n more elements, column k of each in columns[k]; false where one is not finite (count says
- * which). */
-bool api_results_add(struct results *results, double *const columns[], size_t n);
+void api_results_open(struct results *results, struct arena *arena, enum results_format format,
+                      size_t width, bool flat, int digits);
+
+enum results_fault { RESULTS_SOUND, RESULTS_NOT_FINITE, RESULTS_TOO_LARGE };
+
+/*
+ * n more elements, column k of each in columns[k].  Otherwise `count` tells the first that is not
+ * finite, or too large for a float32.
+ */
+enum results_fault api_results_add(struct results *results, double *const columns[], size_t n);
 void api_results_close(struct results *results);
 
 #endif

@@ -1,7 +1,7 @@
 /* From a request's bytes to an endpoint and back: path, method, media types, decode, handle,
  * encode. */
 #include "endpoint.h"
-#include "json.h"
+#include "json_form.h"
 #include "limits.h"
 #include "media.h"
 
@@ -12,6 +12,7 @@
 #include <time.h>
 
 #define JSON_TYPE "application/json"
+#define FORM_TYPE "multipart/form-data"
 
 #define ENDPOINT(name) extern const struct endpoint api_endpoint_##name;
 #include "endpoints.def"
@@ -86,7 +87,8 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
 {
     const struct endpoint *endpoint = find(method, path);
     if (!endpoint) return (struct api_route){.body_max = LIMIT_JSON_BODY};
-    bool is_raw = endpoint->bodies && !api_media_is(content_type, JSON_TYPE);
+    bool is_raw = (endpoint->bodies && !api_media_is(content_type, JSON_TYPE)) ||
+                  (endpoint->request && api_media_is(content_type, FORM_TYPE));
     return (struct api_route){
         .found = true,
         .is_long = endpoint->is_long,
@@ -142,7 +144,7 @@ static bool starts_like_json(const unsigned char *bytes, size_t size)
 
 static bool unsupported(const struct endpoint *endpoint, struct problem *problem)
 {
-    char types[200] = JSON_TYPE;
+    char types[200] = JSON_TYPE ", " FORM_TYPE;
     for (const struct medium *m = endpoint->bodies; m && m->type; m++) {
         size_t used = strlen(types);
         snprintf(types + used, sizeof types - used, ", %s", m->type);
@@ -156,7 +158,7 @@ static bool find_medium(struct call *call)
     const char *type = call->request->content_type;
     const unsigned char *bytes = call->request->body;
     size_t size = call->request->body_size;
-    if (api_media_is(type, JSON_TYPE)) return true;
+    if (api_media_is(type, JSON_TYPE) || api_media_is(type, FORM_TYPE)) return true;
     bool by_content = says_nothing(type);
     for (const struct medium *m = call->endpoint->bodies; m && m->type; m++) {
         if (by_content ? m->matches(bytes, size) : api_media_is(type, m->type)) {
@@ -169,16 +171,29 @@ static bool find_medium(struct call *call)
     return unsupported(call->endpoint, call->problem);
 }
 
-static bool decode_json_body(struct call *call, void *in, struct decoder *decoder)
+/* JSON, or a form of JSON and arrays; document->root is the caller's. */
+static bool read_document(struct call *call, struct document *document)
+{
+    const struct api_request *request = call->request;
+    size_t size = request->body_size;
+    if (api_media_is(request->content_type, FORM_TYPE)) {
+        if (size > LIMIT_BINARY_BODY)
+            return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);
+        return api_json_form(request->content_type, request->body, size, call->arena,
+                             call->problem, document);
+    }
+    if (size > LIMIT_JSON_BODY)
+        return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);
+    return api_json_read(request->body, size, call->arena, call->problem, document);
+}
+
+static bool decode_document(struct call *call, void *in, struct decoder *decoder)
 {
     const struct endpoint *endpoint = call->endpoint;
     const struct api_request *request = call->request;
-    if (request->body_size > LIMIT_JSON_BODY)
-        return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);
     struct document *document = api_arena_array(call->arena, 1, sizeof *document);
     if (!document) return api_problem_memory(call->problem);
-    if (!api_json_read(request->body, request->body_size, call->arena, call->problem, document))
-        return false;
+    if (!read_document(call, document)) return false;
     bool ok = request->query && *request->query
                   ? api_decode_query(request->query, document->root, endpoint->request, in, decoder)
                   : api_decode(document->root, endpoint->request, in, NULL, decoder);
@@ -195,7 +210,7 @@ static bool decode_request(struct call *call)
     if (!in) return api_problem_memory(call->problem);
     call->in = in;
     struct decoder decoder = {call->arena, call->problem};
-    if (!call->medium) return decode_json_body(call, in, &decoder);
+    if (!call->medium) return decode_document(call, in, &decoder);
     if (call->request->body_size > LIMIT_BINARY_BODY)
         return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);
     return api_decode_query(call->request->query, NULL, endpoint->request, in, &decoder);
@@ -236,9 +251,12 @@ static bool is_acceptable(struct call *call)
 {
     const char *type = api_answer_type(call, JSON_TYPE);
     if (api_media_quality(call->request->accept, type) > 0) return true;
-    return api_problem(call->problem, 406, "%s answers %s%s%s", call->endpoint->path, JSON_TYPE,
-                       call->endpoint->answers ? ", " : "",
-                       call->endpoint->answers ? *call->endpoint->answers : "");
+    char types[200] = JSON_TYPE;
+    for (const char *const *answer = call->endpoint->answers; answer && *answer; answer++) {
+        size_t used = strlen(types);
+        snprintf(types + used, sizeof types - used, ", %s", *answer);
+    }
+    return api_problem(call->problem, 406, "%s answers %s", call->endpoint->path, types);
 }
 
 bool api_answer_raw(struct call *call, const char *type, void *bytes, size_t size)

@@ -18,8 +18,7 @@ struct text api_text(struct arena *arena)
     return (struct text){.arena = arena};
 }
 
-/* At least `size` writable bytes at the end, or NULL. */
-static char *reserve(struct text *text, size_t size)
+char *api_text_reserve(struct text *text, size_t size)
 {
     if (text->failed) return NULL;
     struct text_piece *last = text->last;
@@ -43,7 +42,7 @@ static char *reserve(struct text *text, size_t size)
     return piece->bytes;
 }
 
-static void commit(struct text *text, size_t size)
+void api_text_commit(struct text *text, size_t size)
 {
     text->last->used += size;
     text->size += size;
@@ -51,10 +50,10 @@ static void commit(struct text *text, size_t size)
 
 void api_text_bytes(struct text *text, const char *bytes, size_t size)
 {
-    char *end = reserve(text, size);
+    char *end = api_text_reserve(text, size);
     if (!end) return;
     memcpy(end, bytes, size);
-    commit(text, size);
+    api_text_commit(text, size);
 }
 
 void api_text_put(struct text *text, const char *string)
@@ -65,13 +64,13 @@ void api_text_put(struct text *text, const char *string)
 void api_text_print(struct text *text, const char *format, ...)
 {
     enum { ROOM = 512 };
-    char *end = reserve(text, ROOM);
+    char *end = api_text_reserve(text, ROOM);
     if (!end) return;
     va_list list;
     va_start(list, format);
     int n = vsnprintf(end, ROOM, format, list);
     va_end(list);
-    commit(text, n < 0 ? 0 : n < ROOM ? (size_t)n : ROOM - 1);
+    api_text_commit(text, n < 0 ? 0 : n < ROOM ? (size_t)n : ROOM - 1);
 }
 
 void api_text_string(struct text *text, const char *string)
@@ -93,9 +92,9 @@ void api_text_string(struct text *text, const char *string)
 
 void api_text_number(struct text *text, double value, int digits)
 {
-    char *end = reserve(text, NUMBER_ROOM);
+    char *end = api_text_reserve(text, NUMBER_ROOM);
     if (!end) return;
-    commit(text, (size_t)(digits == NUMBER_SHORTEST
+    api_text_commit(text, (size_t)(digits == NUMBER_SHORTEST
                               ? api_number_print(end, value)
                               : api_number_print_digits(end, value, digits)));
 }

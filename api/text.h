@@ -23,6 +23,9 @@ struct text {
 };
 
 struct text api_text(struct arena *arena);
+/* Room for `size` bytes at the end, NULL if there is none; commit says how many were written. */
+char *api_text_reserve(struct text *text, size_t size);
+void api_text_commit(struct text *text, size_t size);
 void api_text_bytes(struct text *text, const char *bytes, size_t size);
 void api_text_put(struct text *text, const char *string);
 /* At most a few hundred bytes in one call. */

@@ -60,7 +60,7 @@ TEST(content_types)
                  {"Application/JSON; charset=utf-8", 200},
                  {"application/x-www-form-urlencoded", 200},
                  {"text/csv", 415},
-                 {"multipart/form-data; boundary=x", 415},
+                 {"multipart/form-data; boundary=x", 400},
                  {"application/jsonx", 415}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         CHECK_INT(status_of((struct api_request){.method = "POST",
