@@ -164,7 +164,10 @@ run: ## install what is missing, build, start on PORT (8080), print one answer; 
 
 test: ## install what is missing, build, run every test; ends with "N passed, N failed"
 	@$(MAKE) --no-print-directory deps WHEN='build run test'
+	@tests/extras.sh
 	@tests/run.sh
+extras: ## install below build/extras what tests use of npm and PyPI (make test does)
+	@tests/extras.sh
 
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
@@ -207,6 +210,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all extras bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

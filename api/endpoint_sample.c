@@ -94,7 +94,7 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
     if (!facet_sample_bound(job->surface.brdf, tier, job->input_error, bound)) return false;
-    *bound += job->surface.parameter_error;
+    *bound = api_represented(&job->representation, *bound + job->surface.parameter_error);
     return true;
 }
 
@@ -249,9 +249,10 @@ static bool prepare(struct call *call, struct job *job)
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
     find_input_error(job);
-    if (!api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise) ||
-        !api_represent(call, in->dtype, &in->accuracy, &job->promise, &job->representation))
+    if (!api_represent(call, in->dtype, &in->accuracy, &job->representation) ||
+        !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
+    api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);
     return true;
 }

@@ -75,6 +75,7 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
         if (b > *bound) *bound = b;
     }
+    *bound = api_represented(&job->evaluation->representation, *bound);
     return true;
 }
 
@@ -206,12 +207,12 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
     if (!find_condition(call, job) ||
+        !api_represent(call, evaluation->dtype, evaluation->accuracy,
+                       &evaluation->representation) ||
         !api_promise(evaluation->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
-    if (!api_represent(call, evaluation->dtype, evaluation->accuracy, &job->promise,
-                       &evaluation->representation))
-        return false;
+    api_represent_bound(&evaluation->representation, evaluation->accuracy, &job->promise);
     open_results(job, call->arena);
     call->response->trace.decode_us += api_clock() - start - call->response->trace.compute_us;
     call->response->trace.tier = api_tier_names[job->promise.tier];

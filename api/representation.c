@@ -18,6 +18,8 @@ const char *const api_array_answers[] = {BYTES_TYPE, NPY_TYPE, NPZ_TYPE, NULL};
 const char *const api_dtype_names[] = {"float32", "float64", NULL};
 enum { DTYPE_FLOAT32, DTYPE_FLOAT64 };
 
+#define FLOAT_ROUNDING 0x1p-24 /* relative */
+
 /* What the client accepts, as api_promise takes it. */
 static double accepted(const struct tolerance_request *request)
 {
@@ -36,22 +38,32 @@ static double shown(double bound, double tolerance)
 }
 
 bool api_represent(const struct call *call, int dtype, const struct tolerance_request *request,
-                   struct promise *promise, struct representation *out)
+                   struct representation *out)
 {
     const struct place at = {NULL, "dtype", 0};
-    double tolerance = accepted(request), exact = promise->arithmetic;
-    double rounded = exact + 0x1p-24 * (1 + exact);
-    out->type = api_answer_type(call, JSON_TYPE);
-    out->format = RESULTS_JSON;
+    double tolerance = accepted(request);
+    *out = (struct representation){.type = api_answer_type(call, JSON_TYPE)};
     if (!strcmp(out->type, JSON_TYPE)) return true;
-    bool fits = rounded <= tolerance;
-    if (dtype == DTYPE_FLOAT32 && !fits)
+    if (dtype == DTYPE_FLOAT32 && tolerance <= FLOAT_ROUNDING)
         return api_problem_at(call->problem, &at,
-                              "float32 makes the bound %.3g, which exceeds the tolerance %.3g",
-                              rounded, tolerance);
-    out->format = dtype == DTYPE_FLOAT64 || !fits ? RESULTS_FLOAT64 : RESULTS_FLOAT32;
-    promise->bound = shown(out->format == RESULTS_FLOAT32 ? rounded : exact, tolerance);
+                              "float32 rounds by %.2g, which is not below the tolerance %.3g",
+                              FLOAT_ROUNDING, tolerance);
+    bool is_float = dtype == DTYPE_FLOAT32 || (dtype < 0 && tolerance >= FLOAT_TOLERANCE);
+    out->format = is_float ? RESULTS_FLOAT32 : RESULTS_FLOAT64;
+    out->rounding = is_float ? FLOAT_ROUNDING : 0;
     return true;
+}
+
+double api_represented(const struct representation *representation, double bound)
+{
+    return bound + representation->rounding * (1 + bound);
+}
+
+void api_represent_bound(const struct representation *representation,
+                         const struct tolerance_request *request, struct promise *promise)
+{
+    if (representation->format != RESULTS_JSON)
+        promise->bound = shown(promise->arithmetic, accepted(request));
 }
 
 bool api_results_check(enum results_fault fault, const struct results *results, const char *name,

@@ -25,20 +25,26 @@ extern const char *const api_dtype_names[];
         MEMBER(type_, dtype), FIELD_ENUM, .names = api_dtype_names,                                \
                                           .doc = "of raw arrays in a multipart request (else "     \
                                                  "float32), and of the numbers in a binary answer "\
-                                                 "(else the smaller that meets the tolerance)"     \
+                                                 "(else float32 for a tolerance from 2.5e-7 on)"   \
     }
+
+/* Without "dtype" a binary answer is float32 from this tolerance on. */
+#define FLOAT_TOLERANCE 2.5e-7
 
 struct representation {
     const char *type; /* media type */
     enum results_format format;
+    double rounding; /* relative error that the format adds */
 };
 
-/*
- * Chooses by Accept and dtype (-1: not given).  promise is then that of the numbers as they are
- * represented.  False: 422 at /dtype where float32 cannot hold the tolerance.
- */
+/* Chooses by Accept and dtype (-1: not given).  False: 422 at /dtype. */
 bool api_represent(const struct call *call, int dtype, const struct tolerance_request *request,
-                   struct promise *promise, struct representation *representation);
+                   struct representation *representation);
+/* The bound of numbers of this bound once they are represented; for a bound_fn. */
+double api_represented(const struct representation *representation, double bound);
+/* The promise's bound as it is told: of the numbers as they are represented. */
+void api_represent_bound(const struct representation *representation,
+                         const struct tolerance_request *request, struct promise *promise);
 
 /* What is wrong with an array, as a problem; false unless it is sound.  what: "pair", "sample". */
 bool api_results_check(enum results_fault fault, const struct results *results, const char *name,

@@ -140,6 +140,30 @@ static void json(size_t n, int digits)
     free(body);
 }
 
+static void form(size_t n, const char *accept)
+{
+    static const char head[] = "--b\r\nContent-Disposition: form-data; name=\"request\"\r\n\r\n"
+                               "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]]}\r\n"
+                               "--b\r\nContent-Disposition: form-data; name=\"wi\"\r\n\r\n";
+    char *body = malloc(sizeof head + 12 * n + 20), *p = body, name[64];
+    p += sprintf(p, "%s", head);
+    for (size_t i = 0; i < n; i++) {
+        double v[3];
+        direction(v);
+        for (int k = 0; k < 3; k++, p += 4) memcpy(p, &(float){(float)v[k]}, 4);
+    }
+    p += sprintf(p, "\r\n--b--\r\n");
+    struct api_request request = {.method = "POST",
+                                  .path = "/v1/eval",
+                                  .content_type = "multipart/form-data; boundary=b",
+                                  .accept = accept,
+                                  .body = body,
+                                  .body_size = (size_t)(p - body)};
+    snprintf(name, sizeof name, "float32, %s", strchr(accept, '/') + 1);
+    ask(&request, n, name);
+    free(body);
+}
+
 int main(int argc, char **argv)
 {
     size_t n = argc > 1 ? (size_t)strtoul(argv[1], NULL, 10) : 100000;
@@ -150,6 +174,10 @@ int main(int argc, char **argv)
     for (size_t i = 0; i < sizeof digits / sizeof *digits; i++) codec(digits[i]);
     json(n, 9);
     json(n, 0);
+    form(n, "application/octet-stream");
+    form(n, "application/x-npy");
+    form(n, "application/zip");
+    form(n, "application/json");
     free(text);
     api_close();
     return 0;
