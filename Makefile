@@ -102,6 +102,24 @@ bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire
 check-numbers: $(B)/tests/unit/test_number ## the number codec on 10^8 random decimals and on every float (about 10 minutes)
 	FACET_NUMBERS=1e8 $< && FACET_NUMBERS=all $< floats_round_trip
 
+# Fuzz targets: VARIANT=fuzz links libFuzzer, every other variant the short form of make test.
+FUZZ := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/fuzz/fuzz_*.c))
+FUZZ_MAIN := $(if $(filter fuzz,$(VARIANT)),-fsanitize=fuzzer,$(B)/tests/fuzz/short.o)
+FUZZ_SECONDS ?= 60
+FUZZ_MUTATIONS ?= 20000
+$(FUZZ): %: %.o $(B)/libapi.a $(B)/libfacet.a $(filter %.o,$(FUZZ_MAIN))
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $*.o $(FUZZ_MAIN) $(B)/libapi.a $(B)/libfacet.a $(LDLIBS)
+fuzz-short: $(FUZZ)
+	@for f in $(FUZZ); do $$f tests/fuzz/corpus/$${f##*/fuzz_} $(FUZZ_MUTATIONS) || echo "FAIL $$f"; done
+fuzz-long: $(FUZZ)
+	@for f in $(FUZZ); do n=$${f##*/fuzz_}; mkdir -p build/corpus/$$n; \
+	    $$f -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=4096 -print_final_stats=1 -artifact_prefix=build/corpus/$$n- \
+	    build/corpus/$$n tests/fuzz/corpus/$$n 2>build/corpus/$$n.log && \
+	    echo "ok fuzz/$$n $$(sed -n 's/^stat::number_of_executed_units: */executions=/p' build/corpus/$$n.log)" || \
+	    { tail -n 30 build/corpus/$$n.log; echo "FAIL fuzz/$$n"; }; done
+fuzz: ## libFuzzer on the codec, the request path and forms, FUZZ_SECONDS (60) each
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz fuzz-long
+
 # ---- the black-box client: shares no code with the product -------------------------
 CLIENTS  := client abuse readme
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
@@ -210,6 +228,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all extras bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all fuzz fuzz-short fuzz-long extras bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

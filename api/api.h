@@ -17,6 +17,7 @@ struct api_request {
     const char *query;        /* raw, still percent-encoded; NULL or "" if none */
     const char *content_type; /* NULL if the client sent none */
     const char *accept;       /* NULL if the client sent none */
+    const char *accept_encoding; /* NULL if the client sent none */
     const void *body;
     size_t body_size;
     /* Asked now and then by long work; true ends it.  NULL: never. */
@@ -31,7 +32,7 @@ struct api_trace {
     const char *tier;
 };
 
-#define API_HEADERS_MAX 4
+#define API_HEADERS_MAX 6
 
 struct api_header {
     const char *name;

@@ -112,7 +112,7 @@ static void find_flaw_in_rows(const json_t *json, struct decoder *decoder,
 /* The array of the document that json stands for, or what is wrong with one that was not lifted. */
 static bool array_of(const json_t *json, struct decoder *decoder, struct number_array *out)
 {
-    if (json_is_integer(json)) {
+    if (json_is_integer(json)) { /* made by api_lift or api_json_form alone */
         *out = decoder->arena->document->arrays[json_integer_value(json)];
         return true;
     }

@@ -282,7 +282,8 @@ static enum outcome lift_array(struct scan *scan)
     if (outcome == LIFTED) {
         array.data = keep(&numbers);
         array.count = numbers.count;
-        int n = snprintf(index, sizeof index, "%zu", scan->document->count);
+        /* Between spaces, lest it join what else stands there: [1][2], [1]25. */
+        int n = snprintf(index, sizeof index, " %zu ", scan->document->count);
         if (!array.data || !api_document_add(scan->document, scan->arena, &array)) {
             api_problem_memory(scan->problem);
             outcome = FAILED;
@@ -366,7 +367,7 @@ bool api_lift(const char *bytes, size_t size, struct arena *arena, struct docume
 
 /*
  * The two differ at a lifted array, which is numbers, literals and brackets in the bytes and digits
- * in the text, and at the e0 behind an integer, which no byte that follows one can equal.
+ * between spaces in the text, and at the e0 behind an integer, which no byte that follows one can equal.
  */
 size_t api_lift_origin(const char *bytes, size_t size, const struct lifted *lifted, size_t offset)
 {
@@ -380,7 +381,8 @@ size_t api_lift_origin(const char *bytes, size_t size, const struct lifted *lift
             do {
                 depth += (bytes[in] == '[') - (bytes[in] == ']');
             } while (++in < size && depth);
-            while (out < lifted->size && lifted->text[out] >= '0' && lifted->text[out] <= '9') out++;
+            while (++out < lifted->size && lifted->text[out] != ' ') continue;
+            out++;
         } else {
             out += 2;
         }

@@ -18,9 +18,17 @@ static const char *skip_space(const char *p, const char *end)
     return p;
 }
 
+/* ASCII: what follows may stand in messages. */
+static bool is_printable(const char *text, size_t size)
+{
+    for (size_t i = 0; i < size; i++)
+        if (text[i] < 0x20 || text[i] > 0x7e) return false;
+    return true;
+}
+
 /*
  * The value of a parameter `name` among "; name=value; other=\"quoted\"" into out; its length, or
- * -1 where it is absent, malformed or does not fit.
+ * -1 where it is absent, malformed, not printable ASCII or does not fit.
  */
 static int parameter(const char *p, const char *end, const char *name, char *out, size_t room)
 {
@@ -42,7 +50,7 @@ static int parameter(const char *p, const char *end, const char *name, char *out
         if (!wanted) continue;
         if (n + 1 > room) return -1;
         out[n] = 0;
-        return strlen(out) == n ? (int)n : -1;
+        return is_printable(out, n) ? (int)n : -1;
     }
     return -1;
 }
@@ -112,12 +120,12 @@ static bool read_headers(const char **p, const char *end, struct part *part,
         if (stop == line) break;
         if (is_header(line, stop, "Content-Disposition", &value) &&
             parameter(value, stop, "name", part->name, sizeof part->name) < 1)
-            return api_problem(problem, 422, "a part has no name of less than %d bytes",
+            return api_problem(problem, 422, "a part has no name of less than %d printable characters",
                                PART_NAME_ROOM);
         if (is_header(line, stop, "Content-Transfer-Encoding", &value) &&
             !is_plain_encoding(value, stop))
-            return api_problem(problem, 422, "parts are taken as they are, not as %.*s",
-                               stop - value > 40 ? 40 : (int)(stop - value), value);
+            return api_problem(problem, 422,
+                               "a part has a Content-Transfer-Encoding; parts are taken as they are");
     }
     return *part->name || api_problem(problem, 400, "a part has no Content-Disposition with a name");
 }

@@ -79,7 +79,8 @@ bool api_npy_read(const void *bytes, size_t size, const struct place *place, str
     if (!descr || !order) return api_problem_at(problem, place, "is no .npy file of version 1 to 3");
     bool is_float = !strncmp(descr, "'<f4'", 5);
     if (!is_float && strncmp(descr, "'<f8'", 5))
-        return api_problem_at(problem, place, "has the dtype %.20s, must have '<f4' or '<f8'",
+        return api_problem_at(problem, place, "has the dtype %.*s, must have '<f4' or '<f8'",
+                              (int)strspn(descr, "'<>|=abcdefghijklmnopqrstuvwxyz0123456789"),
                               descr);
     int rank = dimensions(value_of(header, "'shape'"), shape);
     if (rank != 1 && rank != 2)

@@ -1,5 +1,6 @@
 /* From a request's bytes to an endpoint and back: path, method, media types, decode, handle,
  * encode. */
+#include "compress.h"
 #include "endpoint.h"
 #include "json_form.h"
 #include "limits.h"
@@ -329,6 +330,7 @@ void api_handle(const struct api_request *request, struct api_response *response
         api_problem_answer(&problem, response);
     }
     api_arena_close(&arena);
+    api_compress(request->accept_encoding, response);
 }
 
 void api_refuse(int status, const char *detail, struct api_response *response)

@@ -175,6 +175,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     request_set_id(request, client_header(client, "X-Request-Id"), &http->random_state);
     request->content_type = client_header(client, "Content-Type");
     request->accept = client_header(client, "Accept");
+    request->accept_encoding = client_header(client, "Accept-Encoding");
     request->body_expected = framing.length;
     client->deadline_us = clock_us() + seconds(http->options->header_timeout);
     if (cors_allows(http, client_header(client, "Origin"))) request->cors = http->options->cors;

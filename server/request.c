@@ -131,6 +131,7 @@ static struct api_request call_of(struct request *request)
         .query = request->query,
         .content_type = request->content_type,
         .accept = request->accept,
+        .accept_encoding = request->accept_encoding,
         .body = request->body ? request->body : "",
         .body_size = request->body_size,
         .cancelled = is_cancelled,

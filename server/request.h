@@ -23,7 +23,7 @@ struct request {
     char id[REQUEST_ID_MAX + 1];
     char *target; /* owned; path and query point into it */
     const char *path, *query;
-    const char *content_type, *accept; /* the connection's, valid until the request completes */
+    const char *content_type, *accept, *accept_encoding; /* the connection's, valid until the request completes */
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;

@@ -124,6 +124,12 @@ TEST(refusals_say_where)
     check_refused("[1,NaN]", 400, "line 1 column 4: a number is expected");
     check_refused("[[1,2],[3,-]]", 400, "line 1 column 11: a number is expected");
     check_refused("[[1,2] [3]]", 400, "line 1 column 8: , or ] is expected");
+    /* What stands for an array joins nothing. */
+    check_refused("{\"a\":[1],\"b\":[2][3]}", 400, "line 1 column ");
+    check_refused("[\"\",[0.9,[1]25]]", 400, "line 1 column ");
+    check_refused("[\"\",[1].5]", 400, "line 1 column ");
+    check_refused("[\"\",1[1]]", 400, "line 1 column ");
+    check_refused("[\"\",-[1]]", 400, "line 1 column ");
     /* Behind arrays, and integers, that the text does not hold: the place in what was sent. */
     check_refused("{\"a\":[1,2,3],\"b\":[[1,2],[3,4]],\n \"c\":7,\"d\":8 \"e\"}", 400, "line 2 column 16");
     check_refused("{\"a\":[1,2,\n3],\n\"b\":[4],}", 400, "line 3 column 9");
