@@ -184,6 +184,9 @@ test: ## install what is missing, build, run every test; ends with "N passed, N 
 	@$(MAKE) --no-print-directory deps WHEN='build run test'
 	@tests/extras.sh
 	@tests/run.sh
+EXAMPLES ?= 1300
+schemathesis: all ## schemathesis against a daemon of its own, EXAMPLES (1300) for each of eight operations
+	@tests/extras.sh; tests/extras.sh contract $(B)/facetd $(EXAMPLES)
 extras: ## install below build/extras what tests use of npm and PyPI (make test does)
 	@tests/extras.sh
 
@@ -228,6 +231,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all fuzz fuzz-short fuzz-long extras bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

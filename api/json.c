@@ -19,7 +19,7 @@ static _Thread_local struct {
         exhausted; /* by the limit; by the system.  jansson does not say which error was which */
 } memory;
 
-enum { HEADER = 16, MEMORY_FREE = 65536 };
+enum { HEADER = 16, MEMORY_FREE = 1 << 20 };
 
 static void *counted_malloc(size_t size)
 {

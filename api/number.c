@@ -435,7 +435,8 @@ static uint64_t round_to_digits(double value, int digits, int *exponent)
     int zeros = __builtin_clzll(w), e2 = (e ? e : 1) - 1075 - zeros; /* value = (w << zeros) 2^e2 */
     w <<= zeros;
     int k = log10_of_binary(e2 + 63); /* of value, or one less */
-    k += (log2_of_power(k + 1) == e2 + 63) & ((wide)w << 64 >= power(k + 1));
+    wide above = power(k + 1);
+    if (log2_of_power(k + 1) == e2 + 63) k += (wide)w << 64 >= above;
     /* n 10^(k + 1 - digits) is what is above the bit `shift` of the product's high word */
     int q = digits - 1 - k, shift = -1 - e2 - log2_of_power(q);
     wide p = product(w, power(q));
@@ -458,13 +459,15 @@ static inline uint64_t round_to_few(uint64_t bits, int digits, int *exponent)
 {
     uint64_t w = bits << 11 | (uint64_t)1 << 63;
     int e = (int)(bits >> 52) - 1023, k = log10_of_binary(e);
-    k += (log2_of_power(k + 1) == e) & (w >= (uint64_t)(power(k + 1) >> 64));
+    uint64_t above = (uint64_t)(power(k + 1) >> 64);
+    if (log2_of_power(k + 1) == e) k += w >= above;
     int q = digits - 1 - k, shift = 62 - e - log2_of_power(q);
     uint64_t high = (uint64_t)((wide)w * (uint64_t)(power(q) >> 64) >> 64), n = high >> shift;
     uint64_t half = (uint64_t)1 << shift >> 1, rest = high - (n << shift);
     n += rest >= half;
     *exponent = k;
-    return (rest - (half - 2) <= 2) | (n >= tens[digits]) ? 0 : n;
+    bool is_certain = rest - (half - 2) > 2 && n < tens[digits];
+    return is_certain ? n : 0;
 }
 
 int api_number_print_digits(char *out, double value, int digits)

@@ -28,7 +28,26 @@ lint() { # lint NAME COMMAND...
     [ -x "$1" ] || { echo "skip lint/$name: make extras has not installed it"; return 0; }
     out=$("$@" 2>&1) && echo "ok lint/$name" || { printf '%s\n' "$out" | tail -n 30 | sed 's/^/  /'; echo "FAIL lint/$name"; return 1; }
 }
+# Conditions between members are no part of a schema (exactly one roughness), so that a request which
+# fits the schema may be refused: that check is left out.
+contract() { # contract FACETD EXAMPLES
+    local st=$python/bin/st log=build/extras/schemathesis.log daemon url
+    [ -x $st ] || { echo "skip schemathesis: make extras has not installed it"; return 0; }
+    "$1" --port 0 >build/extras/out 2>build/extras/daemon.log &
+    daemon=$!
+    trap 'kill $daemon 2>/dev/null' EXIT
+    for _ in $(seq 200); do grep -q '^listening on' build/extras/out && break; sleep 0.05; done
+    url=$(sed -n 's/^listening on //p' build/extras/out)
+    if $st run "$url/v1/openapi.json" --url "$url" --max-examples "$2" --no-color --seed 1 \
+        --exclude-checks positive_data_acceptance >$log 2>&1; then
+        echo "ok schemathesis $(grep -oE '[0-9,]+ generated.*' $log)"
+    else
+        cut -c1-300 $log | tail -n 60 | sed 's/^/  /'
+        echo "FAIL schemathesis"
+    fi
+}
 case ${1:-install} in
+contract) contract "$2" "${3:-100}" ;;
 install) install ;;
 lint)
     echo 'extends: ["spectral:oas"]' >build/extras.spectral.yaml
