@@ -41,12 +41,13 @@ struct evaluation {
     struct representation representation;
     struct named_results arrays[FACET_QUANTITY_COUNT];
     size_t array_count;
+    struct job *job; /* what a stream goes on with; NULL: all is computed */
     size_t count;
     struct accuracy answer;
 };
 
 bool api_evaluate(struct call *call, struct evaluation *evaluation);
-/* When call->out is filled, which a JSON answer is printed from. */
+/* When call->out is filled, which an answer is printed from. */
 bool api_answer_evaluation(struct call *call, const struct evaluation *evaluation);
 
 /* channels as requested (-1: not), checked against what the material has; 0 and a problem if

@@ -92,8 +92,14 @@ static bool header_of(struct call *call, const char *name, const struct text *te
     return fits || api_problem(call->problem, 500, "the header %s does not fit", name);
 }
 
-static bool add_headers(struct call *call, const struct named_results *arrays, size_t count)
+bool api_represent_headers(struct call *call, const struct representation *representation,
+                           const struct named_results *arrays, size_t count)
 {
+    bool is_npy = !strcmp(representation->type, NPY_TYPE);
+    if (is_npy && count != 1)
+        return api_problem(call->problem, 406,
+                           "%s holds one array and %zu were asked for: use %s", NPY_TYPE, count,
+                           NPZ_TYPE);
     struct text layout = api_text(call->arena), answer = api_text(call->arena);
     for (size_t i = 0; i < count; i++) {
         const struct results *r = arrays[i].results;
@@ -114,9 +120,21 @@ static void join_arrays(struct text *text, const struct named_results *arrays, s
     for (size_t i = 0; i < count; i++) api_text_join(text, &arrays[i].results->text);
 }
 
-static void write_npy(struct text *text, const struct results *r)
+bool api_can_stream(const struct representation *representation)
+{
+    return strcmp(representation->type, NPZ_TYPE);
+}
+
+size_t api_prefix_size(const struct representation *representation)
+{
+    return strcmp(representation->type, NPY_TYPE) ? 0 : NPY_HEADER_SIZE;
+}
+
+void api_represent_prefix(const struct representation *representation, const struct results *r,
+                          struct text *text)
 {
     char header[NPY_HEADER_SIZE];
+    if (strcmp(representation->type, NPY_TYPE)) return;
     api_npy_header(header, r->format == RESULTS_FLOAT32 ? ARRAY_FLOAT : ARRAY_DOUBLE, r->count,
                    r->width);
     api_text_bytes(text, header, sizeof header);
@@ -127,15 +145,10 @@ bool api_answer_arrays(struct call *call, const struct representation *represent
 {
     struct text text = api_text(call->arena);
     bool is_npz = !strcmp(representation->type, NPZ_TYPE);
-    bool is_npy = !strcmp(representation->type, NPY_TYPE);
     size_t size;
     double start = api_clock();
-    if (is_npy && count != 1)
-        return api_problem(call->problem, 406,
-                           "%s holds one array and %zu were asked for: use %s", NPY_TYPE, count,
-                           NPZ_TYPE);
-    if (!add_headers(call, arrays, count)) return false;
-    if (is_npy) write_npy(&text, arrays->results);
+    if (!api_represent_headers(call, representation, arrays, count)) return false;
+    api_represent_prefix(representation, arrays->results, &text);
     if (is_npz)
         api_npz_write(&text, arrays, count);
     else

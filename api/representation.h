@@ -55,6 +55,16 @@ struct named_results {
     struct results *results;
 };
 
+/* Whether this representation can be answered block by block: a .npz knows its sums at the end. */
+bool api_can_stream(const struct representation *representation);
+/* The headers of a binary answer whose arrays have their count and width; false: a problem. */
+bool api_represent_headers(struct call *call, const struct representation *representation,
+                           const struct named_results *arrays, size_t count);
+/* What stands before the numbers of an array: the header of a .npy, or nothing; and its bytes. */
+size_t api_prefix_size(const struct representation *representation);
+void api_represent_prefix(const struct representation *representation,
+                          const struct results *results, struct text *text);
+
 /* Binary answers: the body and its headers, call->out without its arrays among them. */
 bool api_answer_arrays(struct call *call, const struct representation *representation,
                        const struct named_results *arrays, size_t count);

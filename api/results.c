@@ -10,7 +10,11 @@ void api_results_open(struct results *results, struct arena *arena, enum results
                       size_t width, bool flat, int digits)
 {
     *results = (struct results){api_text(arena), format, width, flat, digits, 0};
-    if (format == RESULTS_JSON) api_text_put(&results->text, "[");
+}
+
+size_t api_number_size(enum results_format format)
+{
+    return format == RESULTS_JSON ? 0 : format == RESULTS_FLOAT32 ? sizeof(float) : sizeof(double);
 }
 
 /* Elements i .. i + n - 1 as JSON; their end. */
@@ -19,8 +23,7 @@ static char *write_json(const struct results *r, double *const columns[], size_t
 {
     bool nested = r->width > 1 && !r->flat;
     for (size_t end = i + n; i < end; i++) {
-        *p = ',';
-        p += !is_first;
+        *p++ = is_first ? '[' : ',';
         is_first = false;
         if (nested) *p++ = '[';
         for (size_t k = 0; k < r->width; k++) {
@@ -96,5 +99,5 @@ enum results_fault api_results_add(struct results *r, double *const columns[], s
 
 void api_results_close(struct results *results)
 {
-    if (results->format == RESULTS_JSON) api_text_put(&results->text, "]");
+    if (results->format == RESULTS_JSON) api_text_put(&results->text, results->count ? "]" : "[]");
 }

@@ -11,6 +11,9 @@
 
 enum results_format { RESULTS_JSON, RESULTS_FLOAT32, RESULTS_FLOAT64 };
 
+/* Bytes of a number; 0 for JSON. */
+size_t api_number_size(enum results_format format);
+
 struct results {
     struct text text; /* or bytes */
     enum results_format format;

@@ -5,6 +5,7 @@
 #include "json_form.h"
 #include "limits.h"
 #include "media.h"
+#include "stream.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -281,7 +282,7 @@ void api_answer_header(struct api_response *response, const char *name, const ch
 
 static bool encode_response(struct call *call)
 {
-    if (call->response->body) return true;
+    if (call->response->body || call->produce) return true;
     struct text text = api_text(call->arena);
     api_encode(&text, call->endpoint->response, call->out);
     api_text_put(&text, "\n");
@@ -308,9 +309,35 @@ static bool run(struct call *call)
     return ok;
 }
 
+/* The answer is to come in blocks: everything it needs moves into the stream. */
+static void keep_stream(struct api_stream *stream, struct api_response *response)
+{
+    stream->request = *stream->call.request;
+    stream->call.request = &stream->request;
+    stream->call.response = &stream->scratch;
+    response->stream = stream;
+}
+
+static void handle(const struct endpoint *endpoint, const struct api_request *request,
+                   struct api_stream *stream, struct api_response *response)
+{
+    struct problem *problem = &stream->problem;
+    api_arena_open(&stream->arena, LIMIT_REQUEST_MEMORY);
+    stream->call = (struct call){.endpoint = endpoint,
+                                 .request = request,
+                                 .arena = &stream->arena,
+                                 .problem = problem,
+                                 .response = response};
+    if (!run(&stream->call)) {
+        stream->call.produce = NULL;
+        if (problem->status == 503) api_answer_header(response, "Retry-After", "1");
+        api_problem_answer(problem, response);
+    }
+    if (!stream->call.produce) api_compress(request->accept_encoding, response);
+}
+
 void api_handle(const struct api_request *request, struct api_response *response)
 {
-    struct arena arena;
     struct problem problem = {0};
     *response = (struct api_response){.status = 200};
     const struct endpoint *endpoint = find(request->method, request->path);
@@ -319,18 +346,18 @@ void api_handle(const struct api_request *request, struct api_response *response
         api_problem_answer(&problem, response);
         return;
     }
-    api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
-    struct call call = {.endpoint = endpoint,
-                        .request = request,
-                        .arena = &arena,
-                        .problem = &problem,
-                        .response = response};
-    if (!run(&call)) {
-        if (problem.status == 503) api_answer_header(response, "Retry-After", "1");
+    struct api_stream *stream = calloc(1, sizeof *stream);
+    if (!stream) {
+        api_problem_memory(&problem);
+        api_answer_header(response, "Retry-After", "1");
         api_problem_answer(&problem, response);
+        return;
     }
-    api_arena_close(&arena);
-    api_compress(request->accept_encoding, response);
+    handle(endpoint, request, stream, response);
+    if (stream->call.produce)
+        keep_stream(stream, response);
+    else
+        api_stream_close(stream);
 }
 
 void api_refuse(int status, const char *detail, struct api_response *response)
@@ -344,5 +371,6 @@ void api_refuse(int status, const char *detail, struct api_response *response)
 void api_response_clear(struct api_response *response)
 {
     free(response->body);
+    api_stream_close(response->stream);
     *response = (struct api_response){0};
 }

@@ -134,6 +134,42 @@ TEST(a_failed_allocation_in_a_form)
     free(wi);
 }
 
+/* The same for a stream: what fails before it begins is an answer, what fails later ends it. */
+static bool fail_in_stream(const char *accept, long n)
+{
+    static const char body[] = "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"D\"],"
+                               "\"dtype\":\"float64\",\"wi\":{\"grid\":{\"theta\":256,\"phi\":270}}}";
+    const struct api_request request = {.method = "POST",
+                                        .path = "/v1/eval",
+                                        .accept = accept,
+                                        .body = body,
+                                        .body_size = sizeof body - 1,
+                                        .can_stream = true};
+    static char bytes[1 << 16];
+    struct api_response response;
+    left = n;
+    all_after = hit = false;
+    api_handle(&request, &response);
+    bool early = hit;
+    long got = 1;
+    while (response.stream && got > 0) got = api_stream_next(response.stream, bytes, sizeof bytes);
+    left = -1;
+    if (early ? response.status != 503 : response.status != 200 || got != (hit ? -1 : 0))
+        check_fail(__FILE__, __LINE__, "%d, then %ld, with allocation %ld failing", response.status, got, n);
+    api_response_clear(&response);
+    return hit;
+}
+
+TEST(a_failed_allocation_in_a_stream)
+{
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    for (long n = 0; n < 5000 && fail_in_stream("application/json", n); n++)
+        check_note("allocations, JSON", (double)n);
+    for (long n = 0; n < 5000 && fail_in_stream("application/octet-stream", n); n++)
+        check_note("allocations, bytes", (double)n);
+}
+
 /* The same for the readers and the writer of image files. */
 static bool fail_in_file(const void *body, size_t size, long n)
 {
