@@ -249,7 +249,8 @@ static bool prepare(struct call *call, struct job *job)
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
     find_input_error(job);
-    if (!api_represent(call, in->dtype, &in->accuracy, &job->representation) ||
+    if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs),
+                       &job->representation) ||
         !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);

@@ -305,12 +305,12 @@ static bool start_stream(struct call *call, const struct evaluation *evaluation)
         if (!skeleton) return api_problem_memory(call->problem);
         job->progress->skeleton = skeleton;
         job->progress->end = skeleton + size;
-    } else if (!api_represent_headers(call, &kept->representation, kept->arrays,
-                                      kept->array_count)) {
+    } else if (!api_represent_headers(call, kept->arrays, kept->array_count)) {
         return false;
     }
     call->response->content_type = kept->representation.type;
     call->response->body_size = bytes_of(job);
+    call->response->trace.evaluations = job->pairs.pairing.count;
     call->producer = job;
     call->produce = produce;
     return true;
@@ -340,9 +340,10 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         !api_numbers_fit(job->pairs.pairing.count, numbers_per_pair(job), call->problem))
         return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
-    if (!find_condition(call, job) ||
-        !api_represent(call, evaluation->dtype, evaluation->accuracy,
+    list_arrays(job);
+    if (!api_represent(call, evaluation->dtype, evaluation->accuracy, evaluation->array_count,
                        &evaluation->representation) ||
+        !find_condition(call, job) ||
         !api_promise(evaluation->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
@@ -350,7 +351,6 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     open_results(job, call->arena);
     call->response->trace.decode_us += api_clock() - start - call->response->trace.compute_us;
     call->response->trace.tier = api_tier_names[job->promise.tier];
-    list_arrays(job);
     if (wants_stream(call, job)) {
         evaluation->job = job;
         mark_arrays(job, call->arena);

@@ -38,12 +38,16 @@ static double shown(double bound, double tolerance)
 }
 
 bool api_represent(const struct call *call, int dtype, const struct tolerance_request *request,
-                   struct representation *out)
+                   size_t count, struct representation *out)
 {
     const struct place at = {NULL, "dtype", 0};
     double tolerance = accepted(request);
     *out = (struct representation){.type = api_answer_type(call, JSON_TYPE)};
     if (!strcmp(out->type, JSON_TYPE)) return true;
+    if (!strcmp(out->type, NPY_TYPE) && count != 1)
+        return api_problem(call->problem, 406,
+                           "%s holds one array and %zu were asked for: use %s", NPY_TYPE, count,
+                           NPZ_TYPE);
     if (dtype == DTYPE_FLOAT32 && tolerance <= FLOAT_ROUNDING)
         return api_problem_at(call->problem, &at,
                               "float32 rounds by %.2g, which is not below the tolerance %.3g",
@@ -92,14 +96,8 @@ static bool header_of(struct call *call, const char *name, const struct text *te
     return fits || api_problem(call->problem, 500, "the header %s does not fit", name);
 }
 
-bool api_represent_headers(struct call *call, const struct representation *representation,
-                           const struct named_results *arrays, size_t count)
+bool api_represent_headers(struct call *call, const struct named_results *arrays, size_t count)
 {
-    bool is_npy = !strcmp(representation->type, NPY_TYPE);
-    if (is_npy && count != 1)
-        return api_problem(call->problem, 406,
-                           "%s holds one array and %zu were asked for: use %s", NPY_TYPE, count,
-                           NPZ_TYPE);
     struct text layout = api_text(call->arena), answer = api_text(call->arena);
     for (size_t i = 0; i < count; i++) {
         const struct results *r = arrays[i].results;
@@ -147,7 +145,7 @@ bool api_answer_arrays(struct call *call, const struct representation *represent
     bool is_npz = !strcmp(representation->type, NPZ_TYPE);
     size_t size;
     double start = api_clock();
-    if (!api_represent_headers(call, representation, arrays, count)) return false;
+    if (!api_represent_headers(call, arrays, count)) return false;
     api_represent_prefix(representation, arrays->results, &text);
     if (is_npz)
         api_npz_write(&text, arrays, count);

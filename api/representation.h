@@ -37,9 +37,12 @@ struct representation {
     double rounding; /* relative error that the format adds */
 };
 
-/* Chooses by Accept and dtype (-1: not given).  False: 422 at /dtype. */
+/*
+ * Chooses by Accept and dtype (-1: not given) for so many arrays.  False: 422 at /dtype, or 406
+ * where the type holds one array.
+ */
 bool api_represent(const struct call *call, int dtype, const struct tolerance_request *request,
-                   struct representation *representation);
+                   size_t count, struct representation *representation);
 /* The bound of numbers of this bound once they are represented; for a bound_fn. */
 double api_represented(const struct representation *representation, double bound);
 /* The promise's bound as it is told: of the numbers as they are represented. */
@@ -58,8 +61,7 @@ struct named_results {
 /* Whether this representation can be answered block by block: a .npz knows its sums at the end. */
 bool api_can_stream(const struct representation *representation);
 /* The headers of a binary answer whose arrays have their count and width; false: a problem. */
-bool api_represent_headers(struct call *call, const struct representation *representation,
-                           const struct named_results *arrays, size_t count);
+bool api_represent_headers(struct call *call, const struct named_results *arrays, size_t count);
 /* What stands before the numbers of an array: the header of a .npy, or nothing; and its bytes. */
 size_t api_prefix_size(const struct representation *representation);
 void api_represent_prefix(const struct representation *representation,

@@ -13,6 +13,8 @@ void api_stream_close(struct api_stream *stream)
     free(stream);
 }
 
+enum { BLOCK_MIN = 65536 }; /* bytes: less is not worth a turn of a worker */
+
 /* One more block, in an arena of its own: its pieces go when they are copied. */
 static bool refill(struct api_stream *stream)
 {
@@ -22,7 +24,9 @@ static bool refill(struct api_stream *stream)
     free(stream->block);
     stream->block = NULL;
     stream->block_size = stream->taken = 0;
-    bool ok = stream->call.produce(&stream->call, &text, &stream->ended);
+    bool ok = true;
+    while (ok && !stream->ended && text.size < BLOCK_MIN)
+        ok = stream->call.produce(&stream->call, &text, &stream->ended);
     if (ok) {
         stream->block = api_text_take(&text, &stream->block_size);
         ok = stream->block;
