@@ -1,3 +1,4 @@
+/* Reading and printing share the powers of ten: one file, if a long one. */
 #include "number.h"
 
 #include <float.h>

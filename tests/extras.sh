@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What tests use and no Debian package brings: linters of OpenAPI (npm), numpy, requests and schemathesis
-# (PyPI), below build/extras.  tests/extras.sh installs; tests/extras.sh lint runs the linters.
+# What tests use and no Debian package brings: linters of OpenAPI (npm), numpy and requests (PyPI), below
+# build/extras.  tests/extras.sh installs; lint runs the linters, contract FACETD [EXAMPLES] schemathesis.
 set -u
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -16,8 +16,8 @@ install() {
                 { tail -n 3 $npm/log; echo "extras: npm install failed"; }
         fi
     fi
-    if ! $python/bin/python -c 'import numpy, requests, schemathesis' 2>/dev/null; then
-        python3 -m venv $python 2>/dev/null && $python/bin/pip install -q numpy requests schemathesis ||
+    if ! $python/bin/python -c 'import numpy, requests' 2>/dev/null; then
+        python3 -m venv $python 2>/dev/null && $python/bin/pip install -q numpy requests ||
             echo "extras: no Python packages"
     fi
     return 0
@@ -31,21 +31,24 @@ lint() { # lint NAME COMMAND...
 # Conditions between members are no part of a schema (exactly one roughness), so that a request which
 # fits the schema may be refused: that check is left out.
 contract() { # contract FACETD EXAMPLES
-    local st=$python/bin/st log=build/extras/schemathesis.log daemon url
-    [ -x $st ] || { echo "skip schemathesis: make extras has not installed it"; return 0; }
+    local st=$python/bin/st log=build/extras/schemathesis.log url
+    [ -x $st ] || $python/bin/pip install -q schemathesis
+    [ -x $st ] || { echo "skip schemathesis: it cannot be installed"; return 0; }
     "$1" --port 0 >build/extras/out 2>build/extras/daemon.log &
     daemon=$!
-    trap 'kill $daemon 2>/dev/null' EXIT
-    for _ in $(seq 200); do grep -q '^listening on' build/extras/out && break; sleep 0.05; done
+    trap '[ -z "$daemon" ] || kill "$daemon" 2>/dev/null' EXIT
+    for _ in $(seq 200); do grep -qs "^listening on" build/extras/out && break; sleep 0.05; done
     url=$(sed -n 's/^listening on //p' build/extras/out)
-    if $st run "$url/v1/openapi.json" --url "$url" --max-examples "$2" --no-color --seed 1 \
-        --exclude-checks positive_data_acceptance >$log 2>&1; then
+    # where it leaves its cache
+    if (cd build/extras && python/bin/st run "$url/v1/openapi.json" --url "$url" --max-examples "$2" \
+        --no-color --seed 1 --exclude-checks positive_data_acceptance) >$log 2>&1; then
         echo "ok schemathesis $(grep -oE '[0-9,]+ generated.*' $log)"
     else
         cut -c1-300 $log | tail -n 60 | sed 's/^/  /'
         echo "FAIL schemathesis"
     fi
 }
+daemon=
 case ${1:-install} in
 contract) contract "$2" "${3:-100}" ;;
 install) install ;;
