@@ -332,7 +332,7 @@ static inline void write_eight(char *out, uint64_t y)
  * The digits of n != 0, which has `count` <= 17, padded with zeros to 9 or 17 of them.  Returns how
  * many there are without the zeros at the end.
  */
-static inline int write_digits(char *out, uint64_t n, int count)
+__attribute__((always_inline)) static inline int write_digits(char *out, uint64_t n, int count)
 {
     uint64_t y, high = n;
     if (count <= 9) {
@@ -376,7 +376,7 @@ static int write_far(char *out, const char *digits, int count, int exponent)
 }
 
 /* n of `count` digits stands for d.ddd 10^exponent; returns the length. */
-static inline int write_decimal(char *out, uint64_t n, int count, int exponent)
+__attribute__((always_inline)) static inline int write_decimal(char *out, uint64_t n, int count, int exponent)
 {
     if (exponent >= -4 && exponent < 0) { /* 0.00ddd: the digits fall into their place */
         memcpy(out, "0.0000", 6);
@@ -456,7 +456,7 @@ static uint64_t round_to_digits(double value, int digits, int *exponent)
  * The same of a normal number and at most 9 digits, from one product of leading words, which lies
  * less than 2 below the exact one; 0 where that cannot tell.
  */
-static inline uint64_t round_to_few(uint64_t bits, int digits, int *exponent)
+__attribute__((always_inline)) static inline uint64_t round_to_few(uint64_t bits, int digits, int *exponent)
 {
     uint64_t w = bits << 11 | (uint64_t)1 << 63;
     int e = (int)(bits >> 52) - 1023, k = log10_of_binary(e);
