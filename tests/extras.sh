@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # What tests use and no Debian package brings: linters of OpenAPI (npm), numpy and requests (PyPI), below
-# build/extras.  tests/extras.sh installs; lint runs the linters, contract FACETD [EXAMPLES] schemathesis.
+# build/extras.  tests/extras.sh installs, or gives up soon without a network; lint runs the linters, contract FACETD [EXAMPLES] schemathesis.
 set -u
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -12,12 +12,12 @@ install() {
             echo "extras: no npm, so no linters"
         else
             mkdir -p $npm
-            npm install --prefix $npm --no-audit --no-fund --silent @redocly/cli@2 @stoplight/spectral-cli@6 >$npm/log 2>&1 ||
+            timeout 120 npm install --fetch-retries 0 --prefix $npm --no-audit --no-fund --silent @redocly/cli@2 @stoplight/spectral-cli@6 >$npm/log 2>&1 ||
                 { tail -n 3 $npm/log; echo "extras: npm install failed"; }
         fi
     fi
     if ! $python/bin/python -c 'import numpy, requests' 2>/dev/null; then
-        python3 -m venv $python 2>/dev/null && $python/bin/pip install -q numpy requests ||
+        python3 -m venv $python 2>/dev/null && timeout 120 $python/bin/pip install -q --retries 0 numpy requests ||
             echo "extras: no Python packages"
     fi
     return 0
