@@ -172,8 +172,8 @@ static void open_results(struct job *job, struct arena *arena)
 {
     const size_t widths[OUTPUT_COUNT] = {3, job->channels, 1, 3};
     for (int i = 0; i < OUTPUT_COUNT; i++)
-        api_results_open(&job->results[i], arena, job->representation.format, widths[i],
-                         job->in->flat, job->promise.digits);
+        api_results_open_as(&job->results[i], arena, job->representation.format, widths[i],
+                            job->in->flat, job->promise.digits);
 }
 
 static bool print_chunk(struct call *call, struct job *job, size_t n)
@@ -183,10 +183,8 @@ static bool print_chunk(struct call *call, struct job *job, size_t n)
     double *pdf[1] = {job->pdf};
     double *const *const columns[OUTPUT_COUNT] = {job->wi, weight, pdf, job->h};
     for (int i = 0; i < OUTPUT_COUNT; i++) {
-        if (!asked(job, i)) continue;
-        enum results_fault fault = api_results_add(&job->results[i], columns[i], n);
-        if (!api_results_check(fault, &job->results[i], output_names[i], "sample", call->problem))
-            return false;
+        if (asked(job, i) && !api_results_add(&job->results[i], columns[i], n))
+            return api_results_check(&job->results[i], output_names[i], "sample", call->problem);
     }
     return true;
 }

@@ -127,8 +127,8 @@ static bool print_one(struct call *call, struct job *job, int q, size_t n)
 {
     double *const *of = job->outputs.of[q];
     double *columns[3] = {of[0], of[1] ? of[1] : of[0], of[2] ? of[2] : of[0]};
-    enum results_fault fault = api_results_add(&job->results[q], columns, n);
-    return api_results_check(fault, &job->results[q], names[q], "pair", call->problem);
+    return api_results_add(&job->results[q], columns, n) ||
+           api_results_check(&job->results[q], names[q], "pair", call->problem);
 }
 
 static bool print_chunk(struct call *call, struct job *job, size_t n)
@@ -163,9 +163,9 @@ static void open_results(struct job *job, struct arena *arena)
     const struct evaluation *evaluation = job->evaluation;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         if (asked(evaluation, q))
-            api_results_open(&job->results[q], arena, evaluation->representation.format,
-                             is_coloured[q] ? job->channels : 1, evaluation->flat,
-                             job->promise.digits);
+            api_results_open_as(&job->results[q], arena, evaluation->representation.format,
+                                is_coloured[q] ? job->channels : 1, evaluation->flat,
+                                job->promise.digits);
 }
 
 static size_t numbers_per_pair(const struct job *job)
@@ -261,8 +261,8 @@ static bool produce(struct call *call, struct text *block, bool *ended)
         put_skeleton(progress, block);
         results->count = job->pairs.pairing.count;
         api_represent_prefix(&evaluation->representation, results, block);
-        api_results_open(results, block->arena, results->format, results->width, results->flat,
-                         results->digits);
+        api_results_open_as(results, block->arena, results->format, results->width, results->flat,
+                            results->digits);
     }
     if (progress->at) results->text = api_text(block->arena);
     if (!compute_one(call, job, (int)(results - job->results), progress->at, n)) return false;

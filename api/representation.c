@@ -70,15 +70,15 @@ void api_represent_bound(const struct representation *representation,
         promise->bound = shown(promise->arithmetic, accepted(request));
 }
 
-bool api_results_check(enum results_fault fault, const struct results *results, const char *name,
-                       const char *what, struct problem *problem)
+bool api_results_check(const struct results *results, const char *name, const char *what,
+                       struct problem *problem)
 {
     const struct place at = {NULL, "dtype", 0};
-    if (fault == RESULTS_TOO_LARGE)
+    if (results->fault == RESULTS_TOO_LARGE)
         return api_problem_at(problem, &at,
                               "%s of %s %zu is too large for float32: \"dtype\":\"float64\" holds it",
                               name, what, results->count);
-    if (fault == RESULTS_NOT_FINITE)
+    if (results->fault == RESULTS_NOT_FINITE)
         return api_problem(problem, 500, "%s of %s %zu is not finite", name, what, results->count);
     return true;
 }

@@ -50,8 +50,8 @@ void api_represent_bound(const struct representation *representation,
                          const struct tolerance_request *request, struct promise *promise);
 
 /* What is wrong with an array, as a problem; false unless it is sound.  what: "pair", "sample". */
-bool api_results_check(enum results_fault fault, const struct results *results, const char *name,
-                       const char *what, struct problem *problem);
+bool api_results_check(const struct results *results, const char *name, const char *what,
+                       struct problem *problem);
 
 struct named_results {
     const char *name;

@@ -6,10 +6,20 @@
 
 enum { BLOCK = 64 }; /* elements written between two looks at the room */
 
-void api_results_open(struct results *results, struct arena *arena, enum results_format format,
-                      size_t width, bool flat, int digits)
+void api_results_open(struct results *results, struct arena *arena, size_t width, bool flat,
+                      int digits)
 {
-    *results = (struct results){api_text(arena), format, width, flat, digits, 0};
+    api_results_open_as(results, arena, RESULTS_JSON, width, flat, digits);
+}
+
+void api_results_open_as(struct results *results, struct arena *arena, enum results_format format,
+                         size_t width, bool flat, int digits)
+{
+    *results = (struct results){.text = api_text(arena),
+                                .format = format,
+                                .width = width,
+                                .flat = flat,
+                                .digits = digits};
 }
 
 size_t api_number_size(enum results_format format)
@@ -67,24 +77,26 @@ static bool all_below(const struct results *r, double *const columns[], size_t n
 }
 
 /* Moves count to the first element beyond max. */
-static enum results_fault find_fault(struct results *r, double *const columns[], size_t n)
+static bool find_fault(struct results *r, double *const columns[], size_t n)
 {
     double max = r->format == RESULTS_FLOAT32 ? float_max : DBL_MAX;
     for (size_t i = 0; i < n; i++, r->count++)
         for (size_t k = 0; k < r->width; k++)
-            if (!(fabs(columns[k][i]) <= max))
-                return isfinite(columns[k][i]) ? RESULTS_TOO_LARGE : RESULTS_NOT_FINITE;
-    return RESULTS_SOUND;
+            if (!(fabs(columns[k][i]) <= max)) {
+                r->fault = isfinite(columns[k][i]) ? RESULTS_TOO_LARGE : RESULTS_NOT_FINITE;
+                return false;
+            }
+    return true;
 }
 
-enum results_fault api_results_add(struct results *r, double *const columns[], size_t n)
+bool api_results_add(struct results *r, double *const columns[], size_t n)
 {
     if (!all_below(r, columns, n, r->format == RESULTS_FLOAT32 ? float_max : DBL_MAX))
         return find_fault(r, columns, n);
     for (size_t i = 0, some; i < n; i += some) {
         some = n - i < BLOCK ? n - i : BLOCK;
         char *begin = api_text_reserve(&r->text, some * (r->width * (NUMBER_ROOM + 1) + 3)), *end;
-        if (!begin) return RESULTS_SOUND; /* the text remembers */
+        if (!begin) return true; /* the text remembers */
         if (r->format == RESULTS_JSON)
             end = write_json(r, columns, i, some, !r->count && !i, begin);
         else if (r->format == RESULTS_FLOAT32)
@@ -94,7 +106,7 @@ enum results_fault api_results_add(struct results *r, double *const columns[], s
         api_text_commit(&r->text, (size_t)(end - begin));
     }
     r->count += n;
-    return RESULTS_SOUND;
+    return true;
 }
 
 void api_results_close(struct results *results)

@@ -14,6 +14,8 @@ enum results_format { RESULTS_JSON, RESULTS_FLOAT32, RESULTS_FLOAT64 };
 /* Bytes of a number; 0 for JSON. */
 size_t api_number_size(enum results_format format);
 
+enum results_fault { RESULTS_SOUND, RESULTS_NOT_FINITE, RESULTS_TOO_LARGE };
+
 struct results {
     struct text text; /* or bytes */
     enum results_format format;
@@ -21,18 +23,19 @@ struct results {
     bool flat;    /* JSON: [x,y,z,x,..] instead of [[x,y,z],..] */
     int digits;   /* JSON */
     size_t count; /* elements so far */
+    enum results_fault fault; /* of the element `count` */
 };
 
-void api_results_open(struct results *results, struct arena *arena, enum results_format format,
-                      size_t width, bool flat, int digits);
-
-enum results_fault { RESULTS_SOUND, RESULTS_NOT_FINITE, RESULTS_TOO_LARGE };
+void api_results_open(struct results *results, struct arena *arena, size_t width, bool flat,
+                      int digits);
+void api_results_open_as(struct results *results, struct arena *arena, enum results_format format,
+                         size_t width, bool flat, int digits);
 
 /*
- * n more elements, column k of each in columns[k].  Otherwise `count` tells the first that is not
- * finite, or too large for a float32.
+ * n more elements, column k of each in columns[k].  False where one is not finite, or too large for
+ * a float32: `count` and `fault` tell.
  */
-enum results_fault api_results_add(struct results *results, double *const columns[], size_t n);
+bool api_results_add(struct results *results, double *const columns[], size_t n);
 void api_results_close(struct results *results);
 
 #endif

@@ -158,11 +158,12 @@ TEST(what_no_float_holds_is_refused)
         struct results results;
         struct problem problem = {0};
         api_arena_open(&arena, 1 << 20);
-        api_results_open(&results, &arena, cases[i].format, 2, false, 9);
-        enum results_fault fault = api_results_add(&results, columns, 5);
-        CHECK_INT(fault, cases[i].fault);
+        api_results_open_as(&results, &arena, cases[i].format, 2, false, 9);
+        enum results_fault fault = cases[i].fault;
+        CHECK(api_results_add(&results, columns, 5) == !fault);
+        CHECK_INT(results.fault, fault);
         CHECK_INT(results.count, fault ? 3 : 5);
-        CHECK(api_results_check(fault, &results, "D", "pair", &problem) == !fault);
+        CHECK(api_results_check(&results, "D", "pair", &problem) == !fault);
         if (fault) CHECK(strstr(fault == RESULTS_TOO_LARGE ? problem.errors[0].detail : problem.detail, "D of pair 3 is"));
         api_arena_close(&arena);
     }
