@@ -54,7 +54,7 @@ INC_lib    := -iquote lib -ffp-contract=off
 INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
 INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
-LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
+LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lz -lpthread -lm
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
@@ -92,6 +92,33 @@ $(B)/%.o: %.c Makefile
 	$(CC) $(BASE) $(CFLAGS) $(VFLAGS) $(CPPFLAGS) $(INC_$(firstword $(subst /, ,$*))) -MMD -MP -c -o $@ $<
 $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS) $(LDLIBS_$(notdir $@))
+
+# What measures the wire, and what feeds it nonsense: not tests by themselves.
+WIRE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/wire/bench_*.c))
+$(WIRE): %: %.o $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire
+	@for b in $(WIRE); do $$b; done
+check-numbers: $(B)/tests/unit/test_number ## the number codec on 10^8 random decimals and on every float (about 10 minutes)
+	FACET_NUMBERS=1e8 $< && FACET_NUMBERS=all $< floats_round_trip
+
+# Fuzz targets: VARIANT=fuzz links libFuzzer, every other variant the short form of make test.
+FUZZ := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/fuzz/fuzz_*.c))
+FUZZ_MAIN := $(if $(filter fuzz,$(VARIANT)),-fsanitize=fuzzer,$(B)/tests/fuzz/short.o)
+FUZZ_SECONDS ?= 60
+FUZZ_MUTATIONS ?= 20000
+$(FUZZ): %: %.o $(B)/libapi.a $(B)/libfacet.a $(filter %.o,$(FUZZ_MAIN))
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $*.o $(FUZZ_MAIN) $(B)/libapi.a $(B)/libfacet.a $(LDLIBS)
+fuzz-short: $(FUZZ)
+	@for f in $(FUZZ); do $$f tests/fuzz/corpus/$${f##*/fuzz_} $(FUZZ_MUTATIONS) || echo "FAIL $$f"; done
+fuzz-long: $(FUZZ)
+	@for f in $(FUZZ); do n=$${f##*/fuzz_}; mkdir -p build/corpus/$$n; \
+	    $$f -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=4096 -print_final_stats=1 -artifact_prefix=build/corpus/$$n- \
+	    build/corpus/$$n tests/fuzz/corpus/$$n 2>build/corpus/$$n.log && \
+	    echo "ok fuzz/$$n $$(sed -n 's/^stat::number_of_executed_units: */executions=/p' build/corpus/$$n.log)" || \
+	    { tail -n 30 build/corpus/$$n.log; echo "FAIL fuzz/$$n"; }; done
+fuzz: ## libFuzzer on the codec, the request path and forms, FUZZ_SECONDS (60) each
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz fuzz-long
 
 # ---- the black-box client: shares no code with the product -------------------------
 CLIENTS  := client abuse readme
@@ -141,7 +168,13 @@ run: ## install what is missing, build, start on PORT (8080), print one answer; 
 
 test: ## install what is missing, build, run every test; ends with "N passed, N failed"
 	@$(MAKE) --no-print-directory deps WHEN='build run test'
+	@tests/extras.sh
 	@tests/run.sh
+EXAMPLES ?= 1300
+schemathesis: all ## schemathesis against a daemon of its own, EXAMPLES (1300) for each of eight operations
+	@tests/extras.sh; tests/extras.sh contract $(B)/facetd $(EXAMPLES)
+extras: ## install below build/extras what tests use of npm and PyPI (make test does)
+	@tests/extras.sh
 
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
@@ -210,6 +243,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -17,8 +17,11 @@ struct api_request {
     const char *query;        /* raw, still percent-encoded; NULL or "" if none */
     const char *content_type; /* NULL if the client sent none */
     const char *accept;       /* NULL if the client sent none */
+    const char *accept_encoding; /* NULL if the client sent none */
     const void *body;
     size_t body_size;
+    /* The caller takes a response.stream; what this request points to then lives as long as it. */
+    bool can_stream;
     /* Asked now and then by long work; true ends it.  NULL: never. */
     bool (*cancelled)(void *user);
     void *user;
@@ -31,18 +34,20 @@ struct api_trace {
     const char *tier;
 };
 
-#define API_HEADERS_MAX 4
+#define API_HEADERS_MAX 6
+#define API_SIZE_UNKNOWN ((size_t)-1)
 
 struct api_header {
     const char *name;
-    char value[128];
+    char value[512];
 };
 
 struct api_response {
     int status;               /* HTTP status */
     const char *content_type; /* static storage */
     void *body;               /* owned; api_response_clear frees it */
-    size_t body_size;
+    size_t body_size;         /* with a stream: of all its bytes, or API_SIZE_UNKNOWN */
+    struct api_stream *stream; /* instead of a body: api_stream_next; api_response_clear frees it */
     struct api_header headers[API_HEADERS_MAX]; /* Allow, Retry-After, ... */
     size_t header_count;
     struct api_trace trace;
@@ -69,6 +74,13 @@ bool api_is_short(const struct api_request *request);
 
 /* Always fills the response; out of memory gives a 503 with a static-sized body. */
 void api_handle(const struct api_request *request, struct api_response *response);
+
+/*
+ * The next bytes of a streamed answer, at most `room`; 0 at its end, -1 when it cannot go on (cut the
+ * connection: the status has gone out).  It computes: about a millisecond a block of 100 KB, so on a
+ * worker.  Between two blocks it holds no more memory than one of them and the request.
+ */
+long api_stream_next(struct api_stream *stream, char *out, size_t room);
 
 /* A problem+json response for what the server refuses by itself (408, 413, 429, 431, 503 ...). */
 void api_refuse(int status, const char *detail, struct api_response *response);

@@ -92,3 +92,14 @@ void *api_arena_defer(struct arena *arena, void (*destroy)(void *), void *object
     arena->deferred = deferred;
     return object;
 }
+
+void *api_arena_adopt(struct arena *arena, void *bytes, size_t size)
+{
+    if (size > arena->room) {
+        free(bytes);
+        return NULL;
+    }
+    bytes = api_arena_defer(arena, free, bytes);
+    if (bytes) arena->room -= size;
+    return bytes;
+}

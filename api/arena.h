@@ -14,6 +14,7 @@ struct arena {
     struct arena_block *blocks;
     struct arena_deferred *deferred;
     size_t room; /* bytes it may still take from the system */
+    const struct document *document; /* the request it was opened for (array.h), once it is read */
 };
 
 /* limit: bytes the arena may hold in all. */
@@ -27,6 +28,12 @@ void *api_arena_array(struct arena *arena, size_t count, size_t size);
 double *api_arena_doubles(struct arena *arena, size_t count);
 /* A copy of the first size bytes of text, NUL-terminated. */
 char *api_arena_text(struct arena *arena, const char *text, size_t size);
+
+/*
+ * Takes over malloc'd bytes: freed when the arena closes, counted against its limit.  On failure
+ * they are freed at once and NULL returned.
+ */
+void *api_arena_adopt(struct arena *arena, void *bytes, size_t size);
 
 /* destroy(object) when the arena closes; on failure it is called at once and NULL returned. */
 void *api_arena_defer(struct arena *arena, void (*destroy)(void *), void *object);

@@ -86,7 +86,8 @@ static const struct field described_fields[] = {
 
 const struct field api_direction_forms[] = {
     [DIRECTIONS_LIST] = {D(list), FIELD_VECTORS, .width = 3, .min_items = 1,
-                         .max_items = LIMIT_EVALUATIONS, .doc = "unit vectors, nested or flat"},
+                         .max_items = LIMIT_EVALUATIONS, .as_sent = true,
+                         .doc = "unit vectors, nested or flat"},
     [DIRECTIONS_DESCRIBED] = {.name = "described",
                               .type = FIELD_OBJECT,
                               .fields = described_fields,
@@ -153,32 +154,61 @@ static bool plan_grid(const struct grid *grid, struct decoder *decoder, struct p
                 : axis(theta, n, &plan->cos_theta, &plan->sin_theta, decoder));
 }
 
-/* Lengths checked; where one is not 1 within 1e-6, a copy with those normalised. */
-static bool plan_list(const struct numbers *list, const struct place *place,
-                      struct decoder *decoder, struct plan *plan)
+/* The i-th vector of a list as it was sent. */
+static void vector_of(const struct plan *plan, size_t i, double v[3])
 {
-    double *copy = NULL;
-    *plan = (struct plan){.kind = PLAN_LIST, .count = list->count, .values = list->values};
-    for (size_t i = 0; i < list->count; i++) {
-        const double *v = list->values + 3 * i;
-        double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    float f[3];
+    if (plan->values) {
+        memcpy(v, plan->values + 3 * i, 3 * sizeof *v);
+        return;
+    }
+    memcpy(f, (const char *)plan->floats + i * sizeof f, sizeof f);
+    for (int k = 0; k < 3; k++) v[k] = f[k];
+}
+
+/* |v|^2 within 1.9e-6 of 1, so |v| within 1e-6: without a branch for each. */
+static bool all_exact(const struct plan *plan)
+{
+    bool good = true;
+    for (size_t i = 0; i < plan->count; i++) {
+        double v[3];
+        vector_of(plan, i, v);
+        good &= fabs(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - 1) <= 1.9 * exact_within;
+    }
+    return good;
+}
+
+/* A list some of whose lengths are not 1 within 1e-6: a copy with those normalised. */
+static bool normalise(const struct place *place, struct decoder *decoder, struct plan *plan)
+{
+    double *copy = api_arena_doubles(decoder->arena, 3 * plan->count);
+    if (!copy) return api_problem_memory(decoder->problem);
+    for (size_t i = 0; i < plan->count; i++) {
+        double *v = copy + 3 * i;
         struct place at = {place, NULL, i};
+        vector_of(plan, i, v);
+        double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
         if (fabs(length - 1) <= exact_within) continue;
+        if (!isfinite(length))
+            return api_problem_at(decoder->problem, &at, "is not finite");
         if (!(fabs(length - 1) <= unit_within))
             return api_problem_at(decoder->problem, &at, "has length %.9g, must have length 1",
                                   length);
-        if (!copy) {
-            copy = api_arena_doubles(decoder->arena, 3 * list->count);
-            if (!copy) return api_problem_memory(decoder->problem);
-            memcpy(copy, list->values, 3 * list->count * sizeof *copy);
-        }
-        for (int k = 0; k < 3; k++) copy[3 * i + (size_t)k] = v[k] / length;
-    }
-    if (copy) {
-        plan->values = copy;
+        for (int k = 0; k < 3; k++) v[k] /= length;
         plan->input_error = normalised_error;
     }
+    plan->values = copy;
     return true;
+}
+
+static bool plan_list(const struct sent_numbers *list, const struct place *place,
+                      struct decoder *decoder, struct plan *plan)
+{
+    *plan = (struct plan){.kind = PLAN_LIST,
+                          .count = list->numbers.count,
+                          .values = list->numbers.values,
+                          .floats = list->floats};
+    return all_exact(plan) || normalise(place, decoder, plan);
 }
 
 bool api_plan(const struct directions *d, const struct place *place, struct decoder *decoder,
@@ -239,8 +269,9 @@ void api_plan_fill(const struct plan *plan, size_t start, size_t n, double *x, d
             z[i] = plan->cos_theta[t];
         }
     } else {
-        const double *v = plan->values + 3 * start;
-        for (size_t i = 0; i < n; i++, v += 3) {
+        for (size_t i = 0; i < n; i++) {
+            double v[3];
+            vector_of(plan, start + i, v);
             x[i] = v[0];
             y[i] = v[1];
             z[i] = v[2];

@@ -31,7 +31,7 @@ enum { DIRECTIONS_LIST, DIRECTIONS_DESCRIBED };
 
 struct directions {
     int form;
-    struct numbers list;
+    struct sent_numbers list;
     struct numbers theta, phi; /* DESCRIBED: angles, or one of the two below */
     struct grid *grid;
     struct random *random;
@@ -49,7 +49,8 @@ struct plan {
     enum { PLAN_LIST, PLAN_ANGLES, PLAN_GRID, PLAN_RANDOM } kind;
     size_t count;
     double input_error;   /* absolute error of the components it fills in */
-    const double *values; /* LIST: x, y, z */
+    const double *values; /* LIST: x, y, z; NULL: floats */
+    const void *floats;   /* LIST: little-endian float32, not aligned */
     size_t thetas, phis;  /* ANGLES, GRID */
     const double *cos_theta, *sin_theta, *cos_phi, *sin_phi;
     uint64_t seed;

@@ -28,6 +28,12 @@ struct call {
     struct arena *arena;
     struct problem *problem;
     struct api_response *response;
+    /*
+     * Set by a handler that answers block by block (stream.h), which it may where
+     * request->can_stream: appends the next block, sets *ended with the last; false: failed.
+     */
+    bool (*produce)(struct call *call, struct text *block, bool *ended);
+    void *producer; /* what it goes on with; in the arena */
 };
 
 struct endpoint {

@@ -11,6 +11,7 @@ struct eval_request {
     uint32_t outputs;
     int64_t channels;
     bool flat;
+    int dtype;
 };
 
 struct eval_response {
@@ -33,6 +34,7 @@ static const struct field request_fields[] = {
      .initial = 1 << FACET_FR, .doc = "what to compute"},
     CHANNELS_FIELD(struct eval_request),
     FLAT_FIELD(struct eval_request),
+    DTYPE_FIELD(struct eval_request),
     TOLERANCE_FIELDS(struct eval_request),
     {0},
 };
@@ -62,12 +64,13 @@ static bool handle(struct call *call)
         .outputs = in->outputs,
         .channels = in->channels,
         .flat = in->flat,
+        .dtype = in->dtype,
     };
     if (!api_evaluate(call, &evaluation)) return false;
     memcpy(out->of, evaluation.of, sizeof out->of);
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;
-    return true;
+    return api_answer_evaluation(call, &evaluation);
 }
 
 const struct endpoint api_endpoint_eval = {
@@ -78,6 +81,7 @@ const struct endpoint api_endpoint_eval = {
     .request_size = sizeof(struct eval_request),
     .response = response_fields,
     .response_size = sizeof(struct eval_response),
+    .answers = api_array_answers,
     .is_long = true,
     .grows_by_words = true,
     .example = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wi\":[[0.6,0,0.8]],"

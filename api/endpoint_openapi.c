@@ -1,5 +1,6 @@
 /* GET /v1/openapi.json: the API as OpenAPI 3.1, printed from the tables that decode and encode. */
 #include "endpoint.h"
+#include "representation.h"
 #include "schema.h"
 
 #include <stdlib.h>
@@ -68,6 +69,44 @@ static void parameters(struct text *text, const struct endpoint *endpoint)
     if (!separator[1]) api_text_put(text, "]");
 }
 
+/* Members whose numbers may come as a part of a form. */
+static bool fits_part(const struct field *field)
+{
+    switch (field->type) {
+    case FIELD_NUMBERS:
+    case FIELD_VECTORS:
+    case FIELD_MATRIX:
+        return true;
+    case FIELD_UNION:
+        return fits_part(field->fields);
+    default:
+        return false;
+    }
+}
+
+static void form(struct text *text, const struct endpoint *endpoint)
+{
+    bool any = false;
+    for (const struct field *f = endpoint->request; f->type; f++) any |= fits_part(f);
+    if (!any) return;
+    api_text_put(text, ",\"multipart/form-data\":{\"schema\":{\"type\":\"object\","
+                       "\"description\":\"The JSON without the arrays, and each array as .npy or as "
+                       "raw little-endian numbers of type dtype\",\"required\":[\"request\"],"
+                       "\"properties\":{\"request\":{\"type\":\"object\"}");
+    for (const struct field *f = endpoint->request; f->type; f++) {
+        if (!fits_part(f)) continue;
+        api_text_put(text, ",");
+        api_text_string(text, f->name);
+        api_text_put(text, ":{");
+        if (f->doc) {
+            string_member(text, "description", f->doc);
+            api_text_put(text, ",");
+        }
+        api_text_put(text, "\"type\":\"string\",\"contentMediaType\":\"application/octet-stream\"}");
+    }
+    api_text_put(text, "}},\"encoding\":{\"request\":{\"contentType\":\"application/json\"}}}");
+}
+
 static void request_body(struct text *text, const struct endpoint *endpoint)
 {
     if (!endpoint->request) return;
@@ -79,6 +118,7 @@ static void request_body(struct text *text, const struct endpoint *endpoint)
         api_text_put(text, endpoint->example);
     }
     api_text_put(text, "}");
+    form(text, endpoint);
     for (const struct medium *m = endpoint->bodies; m && m->type; m++) {
         api_text_put(text, ",");
         api_text_string(text, m->type);
@@ -89,8 +129,14 @@ static void request_body(struct text *text, const struct endpoint *endpoint)
 
 static void responses(struct text *text, const struct endpoint *endpoint)
 {
-    api_text_put(text, ",\"responses\":{\"200\":{\"description\":\"Done\",\"content\":{"
-                       "\"application/json\":{\"schema\":");
+    api_text_put(text, ",\"responses\":{\"200\":{\"description\":\"Done\",");
+    if (endpoint->answers == api_array_answers)
+        api_text_put(text,
+                     "\"headers\":{\"Facet-Layout\":{\"description\":\"Binary answers: JSON, a list of "
+                     "{name, dtype, shape} in the order of the body\",\"schema\":{\"type\":"
+                     "\"string\"}},\"Facet-Answer\":{\"description\":\"Binary answers: the JSON answer "
+                     "without its arrays\",\"schema\":{\"type\":\"string\"}}},");
+    api_text_put(text, "\"content\":{\"application/json\":{\"schema\":");
     if (endpoint->response)
         api_schema_object(text, endpoint->response);
     else
@@ -117,10 +163,10 @@ static void path_item(struct text *text, const struct endpoint *endpoint)
     lower_case(text, endpoint->method);
     api_text_put(text, "\":{");
     string_member(text, "summary", endpoint->summary);
-    if (endpoint->doc) {
-        api_text_put(text, ",");
-        string_member(text, "description", endpoint->doc);
-    }
+    api_text_put(text, ",");
+    string_member(text, "description", endpoint->doc ? endpoint->doc : endpoint->summary);
+    api_text_put(text, strcmp(endpoint->method, "POST") ? ",\"tags\":[\"service\"]"
+                                                        : ",\"tags\":[\"materials\"]");
     operation_id(text, endpoint->path);
     parameters(text, endpoint);
     request_body(text, endpoint);
@@ -152,7 +198,12 @@ static bool handle(struct call *call)
     struct text text = api_text(call->arena);
     api_text_put(&text, "{\"openapi\":\"3.1.0\",\"info\":{\"title\":\"facetd\",\"version\":\"1\",");
     string_member(&text, "description", description);
-    api_text_put(&text, ",\"license\":{\"name\":\"MIT\",\"identifier\":\"MIT\"}},\"paths\":{");
+    api_text_put(&text, ",\"license\":{\"name\":\"MIT\",\"identifier\":\"MIT\"},"
+                        "\"contact\":{\"name\":\"who runs this facetd\"}},"
+                        "\"servers\":[{\"url\":\"/\"}],\"security\":[],\"tags\":["
+                        "{\"name\":\"materials\",\"description\":\"Materials, measurements and maps\"},"
+                        "{\"name\":\"service\",\"description\":\"The service itself\"}],"
+                        "\"paths\":{");
     for (size_t i = 0; api_endpoint(i); i++) {
         if (i) api_text_put(&text, ",");
         path_item(&text, api_endpoint(i));

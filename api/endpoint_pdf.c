@@ -7,7 +7,7 @@ struct pdf_request {
     struct material material;
     struct pair_request pairs;
     struct tolerance_request accuracy;
-    int sampler;
+    int sampler, dtype;
 };
 
 struct pdf_response {
@@ -21,6 +21,7 @@ static const struct field request_fields[] = {
     MATERIAL_FIELD(struct pdf_request),
     PAIR_FIELDS(struct pdf_request),
     SAMPLER_FIELD(struct pdf_request),
+    DTYPE_FIELD(struct pdf_request),
     TOLERANCE_FIELDS(struct pdf_request),
     {0},
 };
@@ -45,13 +46,14 @@ static bool handle(struct call *call)
         .accuracy = &in->accuracy,
         .outputs = 1 << FACET_PDF,
         .channels = -1,
+        .dtype = in->dtype,
     };
     out->sampler = api_sampler(in->sampler, (facet_ndf)in->material.ndf, call->problem);
     if (!out->sampler || !api_evaluate(call, &evaluation)) return false;
     out->pdf = evaluation.of[FACET_PDF];
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;
-    return true;
+    return api_answer_evaluation(call, &evaluation);
 }
 
 const struct endpoint api_endpoint_pdf = {
@@ -62,6 +64,7 @@ const struct endpoint api_endpoint_pdf = {
     .request_size = sizeof(struct pdf_request),
     .response = response_fields,
     .response_size = sizeof(struct pdf_response),
+    .answers = api_array_answers,
     .is_long = true,
     .grows_by_words = true,
     .example = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wi\":[[0.6,0,0.8]],"

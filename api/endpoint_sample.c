@@ -6,6 +6,7 @@
 #include "sequence.h"
 
 #include <math.h>
+#include <string.h>
 
 enum { WI, WEIGHT, PDF, H, OUTPUT_COUNT };
 
@@ -14,12 +15,13 @@ static const char *const output_names[] = {"wi", "weight", "pdf", "h", NULL};
 struct sample_request {
     struct material material;
     struct directions wo;
-    struct numbers u; /* pairs */
+    struct sent_numbers u; /* pairs */
     int64_t n, seed;
     int pairing, sampler, sequence;
     uint32_t outputs;
     int64_t channels;
     bool flat;
+    int dtype;
     struct tolerance_request accuracy;
 };
 
@@ -36,7 +38,7 @@ static const struct field request_fields[] = {
     MATERIAL_FIELD(struct sample_request),
     DIRECTIONS_FIELD(struct sample_request, wo, FIELD_MUST, "towards the viewer"),
     {R(u), FIELD_VECTORS, .width = 2, .min = 0, .max = 1, .open_max = true, .min_items = 1,
-     .max_items = LIMIT_EVALUATIONS, .doc = "[u1,u2] per sample; pairs with wo as pairing says"},
+     .max_items = LIMIT_EVALUATIONS, .as_sent = true, .doc = "[u1,u2] per sample; pairs with wo as pairing says"},
     {R(n), FIELD_INTEGER, .min = 1, .max = LIMIT_EVALUATIONS,
      .doc = "instead of u: samples per wo, all those of the first wo first"},
     {R(seed), FIELD_INTEGER, .min = 0, .max = 0x1p53,
@@ -49,6 +51,7 @@ static const struct field request_fields[] = {
      .initial = 1 << WI | 1 << WEIGHT | 1 << PDF, .doc = "what to return"},
     CHANNELS_FIELD(struct sample_request),
     FLAT_FIELD(struct sample_request),
+    DTYPE_FIELD(struct sample_request),
     TOLERANCE_FIELDS(struct sample_request),
     {0},
 };
@@ -80,6 +83,7 @@ struct job {
     double input_error; /* of wo, times facet_closeness of all of them */
     double *from[3], *u[2], *wi[3], *h[3], *weight[3], *pdf;
     struct results results[OUTPUT_COUNT];
+    struct representation representation;
     size_t channels, wasted;
 };
 
@@ -92,8 +96,14 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
     if (!facet_sample_bound(job->surface.brdf, tier, job->input_error, bound)) return false;
-    *bound += job->surface.parameter_error;
+    *bound = api_represented(&job->representation, *bound + job->surface.parameter_error);
     return true;
+}
+
+/* u as a list, and not n. */
+static bool is_listed(const struct sample_request *in)
+{
+    return in->u.numbers.values || in->u.floats;
 }
 
 /* u as a list pairs like directions; n per wo is every k of n with every wo. */
@@ -101,7 +111,7 @@ static bool pair_up(struct job *job, struct problem *problem)
 {
     static const char *const names[] = {"wo", "u"};
     const struct sample_request *in = job->in;
-    bool by_n = in->n > 0, by_list = in->u.values;
+    bool by_n = in->n > 0, by_list = is_listed(in);
     struct place u = {NULL, "u", 0}, n = {NULL, "n", 0}, seed = {NULL, "seed", 0},
                  sequence = {NULL, "sequence", 0};
     if (by_n == by_list)
@@ -110,7 +120,7 @@ static bool pair_up(struct job *job, struct problem *problem)
     if (in->sequence != SEQUENCE_RANDOM && !by_n)
         return api_problem_at(problem, &sequence, "needs n");
     if (by_list)
-        return api_pairing(job->wo.count, in->u.count, in->pairing, names, problem, &job->pairing);
+        return api_pairing(job->wo.count, in->u.numbers.count, in->pairing, names, problem, &job->pairing);
     if ((size_t)in->n > LIMIT_EVALUATIONS / job->wo.count)
         return api_problem_at(problem, &n, "%lld samples of %zu directions are outside [1, %d]",
                               (long long)in->n, job->wo.count, LIMIT_EVALUATIONS);
@@ -119,16 +129,29 @@ static bool pair_up(struct job *job, struct problem *problem)
     return true;
 }
 
+static void listed_u(const struct sent_numbers *u, size_t i, double *u1, double *u2)
+{
+    float f[2];
+    if (u->floats) {
+        memcpy(f, (const char *)u->floats + i * sizeof f, sizeof f);
+        *u1 = f[0];
+        *u2 = f[1];
+    } else {
+        *u1 = u->numbers.values[2 * i];
+        *u2 = u->numbers.values[2 * i + 1];
+    }
+}
+
 static void fill_u(const struct job *job, size_t start, size_t n)
 {
+    const bool by_list = is_listed(job->in);
     const struct sample_request *in = job->in;
     uint64_t seed = in->seed < 0 ? 0 : (uint64_t)in->seed;
     for (size_t i = 0; i < n; i++) {
         size_t k = start + i;
-        if (in->u.values) {
-            size_t at = job->pairing.outer ? k % in->u.count : in->u.count == 1 ? 0 : k;
-            job->u[0][i] = in->u.values[2 * at];
-            job->u[1][i] = in->u.values[2 * at + 1];
+        if (by_list) {
+            listed_u(&in->u, job->pairing.outer ? k % in->u.numbers.count : in->u.numbers.count == 1 ? 0 : k,
+                     &job->u[0][i], &job->u[1][i]);
         } else {
             uint64_t each = (uint64_t)in->n;
             double u[2];
@@ -157,7 +180,8 @@ static void open_results(struct job *job, struct arena *arena)
 {
     const size_t widths[OUTPUT_COUNT] = {3, job->channels, 1, 3};
     for (int i = 0; i < OUTPUT_COUNT; i++)
-        api_results_open(&job->results[i], arena, widths[i], job->in->flat, job->promise.digits);
+        api_results_open_as(&job->results[i], arena, job->representation.format, widths[i],
+                            job->in->flat, job->promise.digits);
 }
 
 static bool print_chunk(struct call *call, struct job *job, size_t n)
@@ -166,10 +190,10 @@ static bool print_chunk(struct call *call, struct job *job, size_t n)
     double *weight[3] = {w[0], w[1] ? w[1] : w[0], w[2] ? w[2] : w[0]};
     double *pdf[1] = {job->pdf};
     double *const *const columns[OUTPUT_COUNT] = {job->wi, weight, pdf, job->h};
-    for (int i = 0; i < OUTPUT_COUNT; i++)
+    for (int i = 0; i < OUTPUT_COUNT; i++) {
         if (asked(job, i) && !api_results_add(&job->results[i], columns[i], n))
-            return api_problem(call->problem, 500, "%s of sample %zu is not finite",
-                               output_names[i], job->results[i].count);
+            return api_results_check(&job->results[i], output_names[i], "sample", call->problem);
+    }
     return true;
 }
 
@@ -231,9 +255,28 @@ static bool prepare(struct call *call, struct job *job)
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
     find_input_error(job);
-    if (!api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise)) return false;
+    if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs),
+                       &job->representation) ||
+        !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
+        return false;
+    api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);
     return true;
+}
+
+static bool answer(struct call *call, struct job *job)
+{
+    struct sample_response *out = call->out;
+    struct named_results arrays[OUTPUT_COUNT];
+    size_t count = 0;
+    for (int i = 0; i < OUTPUT_COUNT; i++) {
+        if (!asked(job, i)) continue;
+        api_results_close(&job->results[i]);
+        arrays[count++] = (struct named_results){output_names[i], &job->results[i]};
+        if (job->representation.format == RESULTS_JSON) out->of[i] = &job->results[i].text;
+    }
+    return job->representation.format == RESULTS_JSON ||
+           api_answer_arrays(call, &job->representation, arrays, count);
 }
 
 static bool handle(struct call *call)
@@ -248,16 +291,12 @@ static bool handle(struct call *call)
     call->response->trace.decode_us += api_clock() - start;
     call->response->trace.tier = api_tier_names[job->promise.tier];
     if (!compute(call, job)) return false;
-    for (int i = 0; i < OUTPUT_COUNT; i++) {
-        api_results_close(&job->results[i]);
-        if (asked(job, i)) out->of[i] = &job->results[i].text;
-    }
     out->count = (int64_t)job->pairing.count;
     out->wasted = (int64_t)job->wasted;
     out->accuracy =
         (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR,
                           asked(job, WI) || asked(job, H) ? 1 : NAN};
-    return true;
+    return answer(call, job);
 }
 
 const struct endpoint api_endpoint_sample = {
@@ -268,6 +307,7 @@ const struct endpoint api_endpoint_sample = {
     .request_size = sizeof(struct sample_request),
     .response = response_fields,
     .response_size = sizeof(struct sample_response),
+    .answers = api_array_answers,
     .is_long = true,
     .grows_by_words = true,
     .example = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]],"

@@ -5,7 +5,7 @@
 #include "endpoint.h"
 #include "material.h"
 #include "pairs.h"
-#include "results.h"
+#include "representation.h"
 #include "tolerance.h"
 
 /* Pairs computed and printed at a time: they stay in the second-level cache. */
@@ -35,13 +35,20 @@ struct evaluation {
     uint32_t outputs; /* a bit per facet_quantity */
     int64_t channels; /* forced; -1: as the material has */
     bool flat;
+    int dtype; /* index into api_dtype_names; -1: not given */
     /* Filled in: */
-    struct text *of[FACET_QUANTITY_COUNT];
+    struct text *of[FACET_QUANTITY_COUNT]; /* JSON; else all NULL */
+    struct representation representation;
+    struct named_results arrays[FACET_QUANTITY_COUNT];
+    size_t array_count;
+    struct job *job; /* what a stream goes on with; NULL: all is computed */
     size_t count;
     struct accuracy answer;
 };
 
 bool api_evaluate(struct call *call, struct evaluation *evaluation);
+/* When call->out is filled, which an answer is printed from. */
+bool api_answer_evaluation(struct call *call, const struct evaluation *evaluation);
 
 /* channels as requested (-1: not), checked against what the material has; 0 and a problem if
  * impossible. */

@@ -12,10 +12,10 @@
 #define API_FIELD_H
 
 #include "arena.h"
+#include "array.h"
 #include "problem.h"
 #include "text.h"
 
-#include <jansson.h>
 #include <stdint.h>
 
 enum field_type {
@@ -55,6 +55,15 @@ struct numbers {
     const double *values;
 };
 
+/*
+ * The member of an as_sent field: little-endian float32, not aligned, or else doubles.  Floats of a
+ * field without range have not been looked at: they may be infinite or NaN.
+ */
+struct sent_numbers {
+    struct numbers numbers; /* values NULL with floats */
+    const void *floats;
+};
+
 struct matrix {
     size_t rows, columns;
     const double *values; /* row after row */
@@ -84,6 +93,7 @@ struct field {
     size_t size;                 /* OPTION, LIST */
     size_t width;                /* VECTORS, PRINTED, MATRIX */
     size_t min_items, max_items; /* NUMBERS, VECTORS, LIST; max 0: unlimited */
+    bool as_sent;                /* NUMBERS, VECTORS: struct sent_numbers */
     bool one_of;                 /* OBJECT, OPTION: exactly one member */
     /* Called on a struct decoded without error: what a table cannot say. */
     bool (*check)(void *object, const struct place *place, struct decoder *decoder);

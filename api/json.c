@@ -1,9 +1,11 @@
 #include "json.h"
 
+#include "lift.h"
 #include "limits.h"
 
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,7 +19,7 @@ static _Thread_local struct {
         exhausted; /* by the limit; by the system.  jansson does not say which error was which */
 } memory;
 
-enum { HEADER = 16, MEMORY_FREE = 65536 };
+enum { HEADER = 16, MEMORY_FREE = 1 << 20 };
 
 static void *counted_malloc(size_t size)
 {
@@ -58,62 +60,41 @@ bool api_json_exhausted(void)
     return exhausted;
 }
 
-/*
- * What jansson lets pass: brackets nested up to 2048 deep, on its stack, and a NUL
- * byte, which ends the text for it.  400 for both.
- */
-static bool check_bytes(const unsigned char *bytes, size_t size, struct problem *problem)
+/* jansson's tree of a text that holds no number arrays; NULL and a problem. */
+static json_t *parse_structure(const char *bytes, size_t size, const struct lifted *lifted,
+                               struct problem *problem)
 {
-    int depth = 0, line = 1;
-    size_t line_start = 0;
-    bool in_string = false;
-    for (size_t i = 0; i < size; i++) {
-        unsigned char c = bytes[i];
-        const char *wrong = NULL;
-        if (c == '\n') {
-            line++;
-            line_start = i + 1;
-        } else if (!c) {
-            wrong = "a NUL byte";
-        } else if (in_string) {
-            in_string = c != '"';
-            i += c == '\\' && i + 1 < size && bytes[i + 1];
-        } else if (c == '"') {
-            in_string = true;
-        } else if (c == '[' || c == '{') {
-            if (++depth > LIMIT_JSON_DEPTH) wrong = "nested too deeply";
-        } else if (c == ']' || c == '}') {
-            depth--;
-        }
-        if (wrong)
-            return api_problem(problem, 400, "not JSON: line %d column %zu: %s", line,
-                               i - line_start + 1, wrong);
-    }
-    return true;
-}
-
-json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
-{
-    if (!size) {
-        api_problem(problem, 400, "not JSON: line 1 column 1: the body is empty");
-        return NULL;
-    }
-    if (!check_bytes(bytes, size, problem)) return NULL;
     json_error_t error;
+    char why[JSON_ERROR_TEXT_LENGTH + 8];
     memory.refused = memory.exhausted = false;
     memory.limit = memory.used + MEMORY_FREE + (int64_t)size * LIMIT_JSON_MEMORY;
-    json_t *json = json_loadb(
-        bytes, size, JSON_REJECT_DUPLICATES | JSON_DECODE_ANY | JSON_DECODE_INT_AS_REAL, &error);
+    json_t *json = json_loadb(lifted->text, lifted->size, JSON_REJECT_DUPLICATES | JSON_DECODE_ANY,
+                              &error);
     memory.limit = 0;
     if (json) return json;
-    if (memory.refused)
+    if (memory.refused) {
         api_problem(problem, 413,
-                    "the JSON holds more values than its size allows (%d bytes of memory per byte)",
+                    "the JSON holds more values than its size allows (%d bytes of memory per byte); "
+                    "only arrays of nothing but numbers may be large",
                     LIMIT_JSON_MEMORY);
-    else if (api_json_exhausted())
+    } else if (api_json_exhausted()) {
         api_problem_memory(problem);
-    else
-        api_problem(problem, 400, "not JSON: line %d column %d: %s", error.line, error.column,
-                    error.text);
+    } else {
+        size_t at = error.position > 0 ? (size_t)error.position - 1 : 0;
+        snprintf(why, sizeof why, "%s", error.text);
+        api_lift_refuse(bytes, api_lift_origin(bytes, size, lifted, at), why, problem);
+    }
     return NULL;
+}
+
+bool api_json_read(const void *bytes, size_t size, struct arena *arena, struct problem *problem,
+                   struct document *document)
+{
+    struct lifted lifted = {NULL, 0};
+    if (!size) return api_problem(problem, 400, "not JSON: line 1 column 1: the body is empty");
+    if (!api_lift(bytes, size, arena, document, problem, &lifted)) return false;
+    document->root = parse_structure(bytes, size, &lifted, problem);
+    arena->document = document;
+    free(lifted.text);
+    return document->root;
 }

@@ -1,4 +1,7 @@
-/* results.h - arrays of results, printed chunk by chunk while they are computed. */
+/*
+ * results.h - arrays of results, encoded chunk by chunk while they are computed: as JSON, or as
+ * little-endian float32 or float64.
+ */
 #ifndef API_RESULTS_H
 #define API_RESULTS_H
 
@@ -6,18 +9,32 @@
 
 #include <stdbool.h>
 
+enum results_format { RESULTS_JSON, RESULTS_FLOAT32, RESULTS_FLOAT64 };
+
+/* Bytes of a number; 0 for JSON. */
+size_t api_number_size(enum results_format format);
+
+enum results_fault { RESULTS_SOUND, RESULTS_NOT_FINITE, RESULTS_TOO_LARGE };
+
 struct results {
-    struct text text;
+    struct text text; /* or bytes */
+    enum results_format format;
     size_t width; /* numbers per element */
-    bool flat;    /* [x,y,z,x,..] instead of [[x,y,z],..] */
-    int digits;
+    bool flat;    /* JSON: [x,y,z,x,..] instead of [[x,y,z],..] */
+    int digits;   /* JSON */
     size_t count; /* elements so far */
+    enum results_fault fault; /* of the element `count` */
 };
 
 void api_results_open(struct results *results, struct arena *arena, size_t width, bool flat,
                       int digits);
-/* n more elements, column k of each in columns[k]; false where one is not finite (count says
- * which). */
+void api_results_open_as(struct results *results, struct arena *arena, enum results_format format,
+                         size_t width, bool flat, int digits);
+
+/*
+ * n more elements, column k of each in columns[k].  False where one is not finite, or too large for
+ * a float32: `count` and `fault` tell.
+ */
 bool api_results_add(struct results *results, double *const columns[], size_t n);
 void api_results_close(struct results *results);
 

@@ -1,9 +1,11 @@
 /* From a request's bytes to an endpoint and back: path, method, media types, decode, handle,
  * encode. */
+#include "compress.h"
 #include "endpoint.h"
-#include "json.h"
+#include "json_form.h"
 #include "limits.h"
 #include "media.h"
+#include "stream.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -12,6 +14,7 @@
 #include <time.h>
 
 #define JSON_TYPE "application/json"
+#define FORM_TYPE "multipart/form-data"
 
 #define ENDPOINT(name) extern const struct endpoint api_endpoint_##name;
 #include "endpoints.def"
@@ -86,7 +89,8 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
 {
     const struct endpoint *endpoint = find(method, path);
     if (!endpoint) return (struct api_route){.body_max = LIMIT_JSON_BODY};
-    bool is_raw = endpoint->bodies && !api_media_is(content_type, JSON_TYPE);
+    bool is_raw = (endpoint->bodies && !api_media_is(content_type, JSON_TYPE)) ||
+                  (endpoint->request && api_media_is(content_type, FORM_TYPE));
     return (struct api_route){
         .found = true,
         .is_long = endpoint->is_long,
@@ -142,7 +146,7 @@ static bool starts_like_json(const unsigned char *bytes, size_t size)
 
 static bool unsupported(const struct endpoint *endpoint, struct problem *problem)
 {
-    char types[200] = JSON_TYPE;
+    char types[200] = JSON_TYPE ", " FORM_TYPE;
     for (const struct medium *m = endpoint->bodies; m && m->type; m++) {
         size_t used = strlen(types);
         snprintf(types + used, sizeof types - used, ", %s", m->type);
@@ -156,7 +160,7 @@ static bool find_medium(struct call *call)
     const char *type = call->request->content_type;
     const unsigned char *bytes = call->request->body;
     size_t size = call->request->body_size;
-    if (api_media_is(type, JSON_TYPE)) return true;
+    if (api_media_is(type, JSON_TYPE) || api_media_is(type, FORM_TYPE)) return true;
     bool by_content = says_nothing(type);
     for (const struct medium *m = call->endpoint->bodies; m && m->type; m++) {
         if (by_content ? m->matches(bytes, size) : api_media_is(type, m->type)) {
@@ -169,18 +173,33 @@ static bool find_medium(struct call *call)
     return unsupported(call->endpoint, call->problem);
 }
 
-static bool decode_json_body(struct call *call, void *in, struct decoder *decoder)
+/* JSON, or a form of JSON and arrays; document->root is the caller's. */
+static bool read_document(struct call *call, struct document *document)
+{
+    const struct api_request *request = call->request;
+    size_t size = request->body_size;
+    if (api_media_is(request->content_type, FORM_TYPE)) {
+        if (size > LIMIT_BINARY_BODY)
+            return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);
+        return api_json_form(request->content_type, request->body, size, call->arena,
+                             call->problem, document);
+    }
+    if (size > LIMIT_JSON_BODY)
+        return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);
+    return api_json_read(request->body, size, call->arena, call->problem, document);
+}
+
+static bool decode_document(struct call *call, void *in, struct decoder *decoder)
 {
     const struct endpoint *endpoint = call->endpoint;
     const struct api_request *request = call->request;
-    if (request->body_size > LIMIT_JSON_BODY)
-        return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);
-    json_t *json = api_json_parse(request->body, request->body_size, call->problem);
-    if (!json) return false;
+    struct document *document = api_arena_array(call->arena, 1, sizeof *document);
+    if (!document) return api_problem_memory(call->problem);
+    if (!read_document(call, document)) return false;
     bool ok = request->query && *request->query
-                  ? api_decode_query(request->query, json, endpoint->request, in, decoder)
-                  : api_decode(json, endpoint->request, in, NULL, decoder);
-    json_decref(json);
+                  ? api_decode_query(request->query, document->root, endpoint->request, in, decoder)
+                  : api_decode(document->root, endpoint->request, in, NULL, decoder);
+    json_decref(document->root);
     return ok;
 }
 
@@ -193,7 +212,7 @@ static bool decode_request(struct call *call)
     if (!in) return api_problem_memory(call->problem);
     call->in = in;
     struct decoder decoder = {call->arena, call->problem};
-    if (!call->medium) return decode_json_body(call, in, &decoder);
+    if (!call->medium) return decode_document(call, in, &decoder);
     if (call->request->body_size > LIMIT_BINARY_BODY)
         return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);
     return api_decode_query(call->request->query, NULL, endpoint->request, in, &decoder);
@@ -234,9 +253,12 @@ static bool is_acceptable(struct call *call)
 {
     const char *type = api_answer_type(call, JSON_TYPE);
     if (api_media_quality(call->request->accept, type) > 0) return true;
-    return api_problem(call->problem, 406, "%s answers %s%s%s", call->endpoint->path, JSON_TYPE,
-                       call->endpoint->answers ? ", " : "",
-                       call->endpoint->answers ? *call->endpoint->answers : "");
+    char types[200] = JSON_TYPE;
+    for (const char *const *answer = call->endpoint->answers; answer && *answer; answer++) {
+        size_t used = strlen(types);
+        snprintf(types + used, sizeof types - used, ", %s", *answer);
+    }
+    return api_problem(call->problem, 406, "%s answers %s", call->endpoint->path, types);
 }
 
 bool api_answer_raw(struct call *call, const char *type, void *bytes, size_t size)
@@ -260,7 +282,7 @@ void api_answer_header(struct api_response *response, const char *name, const ch
 
 static bool encode_response(struct call *call)
 {
-    if (call->response->body) return true;
+    if (call->response->body || call->produce) return true;
     struct text text = api_text(call->arena);
     api_encode(&text, call->endpoint->response, call->out);
     api_text_put(&text, "\n");
@@ -287,9 +309,35 @@ static bool run(struct call *call)
     return ok;
 }
 
+/* The answer is to come in blocks: everything it needs moves into the stream. */
+static void keep_stream(struct api_stream *stream, struct api_response *response)
+{
+    stream->request = *stream->call.request;
+    stream->call.request = &stream->request;
+    stream->call.response = &stream->scratch;
+    response->stream = stream;
+}
+
+static void handle(const struct endpoint *endpoint, const struct api_request *request,
+                   struct api_stream *stream, struct api_response *response)
+{
+    struct problem *problem = &stream->problem;
+    api_arena_open(&stream->arena, LIMIT_REQUEST_MEMORY);
+    stream->call = (struct call){.endpoint = endpoint,
+                                 .request = request,
+                                 .arena = &stream->arena,
+                                 .problem = problem,
+                                 .response = response};
+    if (!run(&stream->call)) {
+        stream->call.produce = NULL;
+        if (problem->status == 503) api_answer_header(response, "Retry-After", "1");
+        api_problem_answer(problem, response);
+    }
+    if (!stream->call.produce) api_compress(request->accept_encoding, response);
+}
+
 void api_handle(const struct api_request *request, struct api_response *response)
 {
-    struct arena arena;
     struct problem problem = {0};
     *response = (struct api_response){.status = 200};
     const struct endpoint *endpoint = find(request->method, request->path);
@@ -298,17 +346,18 @@ void api_handle(const struct api_request *request, struct api_response *response
         api_problem_answer(&problem, response);
         return;
     }
-    api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
-    struct call call = {.endpoint = endpoint,
-                        .request = request,
-                        .arena = &arena,
-                        .problem = &problem,
-                        .response = response};
-    if (!run(&call)) {
-        if (problem.status == 503) api_answer_header(response, "Retry-After", "1");
+    struct api_stream *stream = calloc(1, sizeof *stream);
+    if (!stream) {
+        api_problem_memory(&problem);
+        api_answer_header(response, "Retry-After", "1");
         api_problem_answer(&problem, response);
+        return;
     }
-    api_arena_close(&arena);
+    handle(endpoint, request, stream, response);
+    if (stream->call.produce)
+        keep_stream(stream, response);
+    else
+        api_stream_close(stream);
 }
 
 void api_refuse(int status, const char *detail, struct api_response *response)
@@ -322,5 +371,6 @@ void api_refuse(int status, const char *detail, struct api_response *response)
 void api_response_clear(struct api_response *response)
 {
     free(response->body);
+    api_stream_close(response->stream);
     *response = (struct api_response){0};
 }

@@ -1,6 +1,5 @@
 #include "text.h"
 
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,8 +18,7 @@ struct text api_text(struct arena *arena)
     return (struct text){.arena = arena};
 }
 
-/* At least `size` writable bytes at the end, or NULL. */
-static char *reserve(struct text *text, size_t size)
+char *api_text_reserve(struct text *text, size_t size)
 {
     if (text->failed) return NULL;
     struct text_piece *last = text->last;
@@ -44,7 +42,7 @@ static char *reserve(struct text *text, size_t size)
     return piece->bytes;
 }
 
-static void commit(struct text *text, size_t size)
+void api_text_commit(struct text *text, size_t size)
 {
     text->last->used += size;
     text->size += size;
@@ -52,10 +50,10 @@ static void commit(struct text *text, size_t size)
 
 void api_text_bytes(struct text *text, const char *bytes, size_t size)
 {
-    char *end = reserve(text, size);
+    char *end = api_text_reserve(text, size);
     if (!end) return;
     memcpy(end, bytes, size);
-    commit(text, size);
+    api_text_commit(text, size);
 }
 
 void api_text_put(struct text *text, const char *string)
@@ -66,13 +64,13 @@ void api_text_put(struct text *text, const char *string)
 void api_text_print(struct text *text, const char *format, ...)
 {
     enum { ROOM = 512 };
-    char *end = reserve(text, ROOM);
+    char *end = api_text_reserve(text, ROOM);
     if (!end) return;
     va_list list;
     va_start(list, format);
     int n = vsnprintf(end, ROOM, format, list);
     va_end(list);
-    commit(text, n < 0 ? 0 : n < ROOM ? (size_t)n : ROOM - 1);
+    api_text_commit(text, n < 0 ? 0 : n < ROOM ? (size_t)n : ROOM - 1);
 }
 
 void api_text_string(struct text *text, const char *string)
@@ -94,11 +92,11 @@ void api_text_string(struct text *text, const char *string)
 
 void api_text_number(struct text *text, double value, int digits)
 {
-    char *end = reserve(text, NUMBER_ROOM);
+    char *end = api_text_reserve(text, NUMBER_ROOM);
     if (!end) return;
-    int n = digits == NUMBER_SHORTEST ? api_number_print(end, value)
-                                      : snprintf(end, NUMBER_ROOM, "%.*g", digits, value);
-    commit(text, n < 0 ? 0 : (size_t)n);
+    api_text_commit(text, (size_t)(digits == NUMBER_SHORTEST
+                              ? api_number_print(end, value)
+                              : api_number_print_digits(end, value, digits)));
 }
 
 void api_text_join(struct text *text, struct text *tail)
@@ -126,44 +124,4 @@ char *api_text_take(const struct text *text, size_t *size)
     *end = 0;
     *size = text->size;
     return bytes;
-}
-
-/* "1e-08" becomes "1e-8", "1e+04" becomes "1e4". */
-static int tidy_exponent(char *out)
-{
-    char *e = strchr(out, 'e');
-    if (!e) return (int)strlen(out);
-    char *from = e + 1, *to = e + 1;
-    if (*from == '-') *to++ = *from++;
-    if (*from == '+') from++;
-    while (*from == '0' && from[1]) from++;
-    while ((*to++ = *from++)) continue;
-    return (int)(to - out - 1);
-}
-
-/* The fewest digits after which %e reads back as value, tried in steps that fit what people write.
- */
-static int digits_of(char *out, double value)
-{
-    static const int steps[] = {1, 2, 3, 6, 9, 12, 15, 16};
-    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
-        snprintf(out, NUMBER_ROOM, "%.*e", steps[i] - 1, value);
-        if (strtod(out, NULL) == value) return steps[i];
-    }
-    return 17;
-}
-
-int api_number_print(char *out, double value)
-{
-    if (!isfinite(value)) return snprintf(out, NUMBER_ROOM, "null");
-    int digits = digits_of(out, value);
-    /* %g drops the zeros of a step that was too long. */
-    snprintf(out, NUMBER_ROOM, "%.*g", digits, value);
-    int n = tidy_exponent(out);
-    char plain[NUMBER_ROOM];
-    bool is_whole = fabs(value) < 1e15 && value == floor(value);
-    int m = is_whole ? snprintf(plain, sizeof plain, "%.0f", value) : n + 1;
-    if (m > n) return n;
-    memcpy(out, plain, (size_t)m + 1);
-    return m;
 }

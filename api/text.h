@@ -10,6 +10,7 @@
 #define API_TEXT_H
 
 #include "arena.h"
+#include "number.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -22,6 +23,9 @@ struct text {
 };
 
 struct text api_text(struct arena *arena);
+/* Room for `size` bytes at the end, NULL if there is none; commit says how many were written. */
+char *api_text_reserve(struct text *text, size_t size);
+void api_text_commit(struct text *text, size_t size);
 void api_text_bytes(struct text *text, const char *bytes, size_t size);
 void api_text_put(struct text *text, const char *string);
 /* At most a few hundred bytes in one call. */
@@ -29,17 +33,12 @@ __attribute__((format(printf, 2, 3))) void api_text_print(struct text *text, con
                                                           ...);
 /* A JSON string with its quotes. */
 void api_text_string(struct text *text, const char *string);
-/* A finite number with `digits` significant digits; 17 or more: the shortest that reads back the
- * same. */
+/* A finite number with `digits` significant digits; NUMBER_SHORTEST: the fewest that read back as
+ * it. */
 void api_text_number(struct text *text, double value, int digits);
 /* Moves all of `tail` to the end of text; tail is empty afterwards. */
 void api_text_join(struct text *text, struct text *tail);
 /* One malloc'd, NUL-terminated copy; NULL if anything failed. */
 char *api_text_take(const struct text *text, size_t *size);
-
-/* Room for any number api_number_print makes. */
-enum { NUMBER_ROOM = 40, NUMBER_SHORTEST = 0 };
-/* Shortest decimal that reads back as value, with the shorter of 1e4 and 10000; its length. */
-int api_number_print(char *out, double value);
 
 #endif

@@ -15,8 +15,11 @@ enum client_phase {
     CLIENT_ANSWER /* queued for sending */
 };
 
+struct http;
+
 struct client {
     struct request request;
+    struct http *http;
     struct client *previous, *next;
     struct MHD_Connection *connection;
     int fd;

@@ -58,6 +58,7 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     client = calloc(1, sizeof *client);
     *context = client; /* NULL: on_request closes it */
     if (!client) return;
+    client->http = http;
     client->connection = connection;
     client->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
     client->deadline_us = clock_us() + seconds(http->options->header_timeout);
@@ -75,15 +76,66 @@ static void stop_working(struct http *http, struct client *client)
     last->place = client->place;
 }
 
+static void wait_for_worker(struct http *http, struct client *client)
+{
+    client->phase = CLIENT_WORK;
+    client->deadline_us = CLIENT_NEVER; /* the request has its own */
+    client->place = http->working_count;
+    http->working[http->working_count++] = client;
+    MHD_suspend_connection(client->connection);
+}
+
 /* ---- Answers ------------------------------------------------------------------------------- */
+
+static int64_t sending_deadline(const struct http *http, size_t bytes)
+{
+    return clock_us() + seconds(http->options->header_timeout) +
+           (int64_t)(1e6 * (double)bytes / (double)http->options->min_rate);
+}
+
+/* What is computed of a streamed answer; a worker computes the rest, block by block. */
+static ssize_t send_block(void *user, uint64_t position, char *out, size_t room)
+{
+    struct client *client = user;
+    struct http *http = client->http;
+    struct request *request = &client->request;
+    (void)position;
+    while (request->block_taken == request->block_size) {
+        if (atomic_load(&request->gone) || request->block_failed)
+            return MHD_CONTENT_READER_END_WITH_ERROR;
+        if (request->block_last) return MHD_CONTENT_READER_END_OF_STREAM;
+        request->deadline_us = clock_us() + seconds(http->options->deadline);
+        if (pool_submit(http->pool, &request->job)) {
+            wait_for_worker(http, client);
+            return 0;
+        }
+        request_next_block(request); /* no worker is free: about a millisecond */
+    }
+    size_t left = request->block_size - request->block_taken, n = left < room ? left : room;
+    memcpy(out, request->block + request->block_taken, n);
+    request->block_taken += n;
+    request->streamed += n;
+    return (ssize_t)n;
+}
+
+/* The body stays ours until on_completed: libmicrohttpd neither copies nor frees it. */
+static struct MHD_Response *response_of(struct client *client)
+{
+    struct request *request = &client->request;
+    if (!request->response.stream)
+        return MHD_create_response_from_buffer(request->response.body_size, request->response.body,
+                                               MHD_RESPMEM_PERSISTENT);
+    if (!request_start_stream(request)) return NULL;
+    uint64_t size = request->response.body_size == API_SIZE_UNKNOWN ? MHD_SIZE_UNKNOWN
+                                                                    : request->response.body_size;
+    return MHD_create_response_from_callback(size, REQUEST_BLOCK, send_block, client, NULL);
+}
 
 static enum MHD_Result answer(struct http *http, struct client *client)
 {
     struct request *request = &client->request;
     if (http->draining) request->close = true;
-    /* The body stays ours until on_completed: libmicrohttpd neither copies nor frees it. */
-    struct MHD_Response *response = MHD_create_response_from_buffer(
-        request->response.body_size, request->response.body, MHD_RESPMEM_PERSISTENT);
+    struct MHD_Response *response = response_of(client);
     if (!response) return MHD_NO;
     struct request_header headers[REQUEST_HEADERS_MAX];
     size_t count = request_headers(request, headers);
@@ -95,9 +147,9 @@ static enum MHD_Result answer(struct http *http, struct client *client)
             MHD_queue_response(client->connection, (unsigned)request->response.status, response);
     MHD_destroy_response(response);
     client->phase = CLIENT_ANSWER;
-    client->deadline_us =
-        clock_us() + seconds(http->options->header_timeout) +
-        (int64_t)(1e6 * (double)request->response.body_size / (double)http->options->min_rate);
+    client->deadline_us = sending_deadline(http, request->response.stream
+                                                     ? REQUEST_BLOCK
+                                                     : request->response.body_size);
     return result; /* MHD_NO, for want of memory, closes the connection */
 }
 
@@ -158,11 +210,7 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
         request_refuse(request, 503, "all workers are busy and the queue is full");
         return answer(http, client);
     }
-    client->phase = CLIENT_WORK;
-    client->deadline_us = CLIENT_NEVER; /* the request has its own */
-    client->place = http->working_count;
-    http->working[http->working_count++] = client;
-    MHD_suspend_connection(client->connection);
+    wait_for_worker(http, client);
     return MHD_YES;
 }
 
@@ -175,6 +223,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     request_set_id(request, client_header(client, "X-Request-Id"), &http->random_state);
     request->content_type = client_header(client, "Content-Type");
     request->accept = client_header(client, "Accept");
+    request->accept_encoding = client_header(client, "Accept-Encoding");
     request->body_expected = framing.length;
     client->deadline_us = clock_us() + seconds(http->options->header_timeout);
     if (cors_allows(http, client_header(client, "Origin"))) request->cors = http->options->cors;
@@ -297,6 +346,10 @@ void http_collect(struct http *http)
     while ((job = pool_collect(http->pool))) {
         struct client *client = client_of(job);
         stop_working(http, client);
+        if (client->request.response.stream && client->request.block) { /* in the middle of it */
+            client->phase = CLIENT_ANSWER;
+            client->deadline_us = sending_deadline(http, REQUEST_BLOCK);
+        }
         MHD_resume_connection(client->connection);
     }
 }

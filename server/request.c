@@ -17,6 +17,27 @@ static void run_job(struct pool_job *job)
     request_run((struct request *)job); /* its first member */
 }
 
+void request_next_block(struct request *request)
+{
+    long n = api_stream_next(request->response.stream, request->block, REQUEST_BLOCK);
+    request->block_taken = 0;
+    request->block_size = n > 0 ? (size_t)n : 0;
+    request->block_last = n <= 0;
+    request->block_failed = n < 0;
+}
+
+static void run_block(struct pool_job *job)
+{
+    request_next_block((struct request *)job);
+}
+
+bool request_start_stream(struct request *request)
+{
+    request->job.run = run_block;
+    request->block = malloc(REQUEST_BLOCK);
+    return request->block;
+}
+
 bool request_start(struct request *request, const char *target)
 {
     /* Absolute form (RFC 9112 section 3.2.2): servers must accept http://host/path. */
@@ -53,6 +74,7 @@ void request_clear(struct request *request, struct body_budget *budget)
 {
     request_drop_body(request, budget);
     free(request->target);
+    free(request->block);
     api_response_clear(&request->response);
     memset(request, 0, sizeof *request);
 }
@@ -131,6 +153,8 @@ static struct api_request call_of(struct request *request)
         .query = request->query,
         .content_type = request->content_type,
         .accept = request->accept,
+        .can_stream = true,
+        .accept_encoding = request->accept_encoding,
         .body = request->body ? request->body : "",
         .body_size = request->body_size,
         .cancelled = is_cancelled,
@@ -228,7 +252,7 @@ void request_log(const struct request *request, const char *end)
              "evaluations=%zu end=%s",
              request->id[0] ? request->id : "-", log_quote(request->method, method, sizeof method),
              log_quote(request->path, path, sizeof path), response->status, request->body_size,
-             response->body_size, span(request->started_us, request->received_us),
+             response->stream ? request->streamed : response->body_size, span(request->started_us, request->received_us),
              span(request->received_us, request->began_us), trace->decode_us, trace->compute_us,
              trace->encode_us, span(request->started_us, clock_us()),
              trace->tier ? trace->tier : "-", trace->evaluations, end);

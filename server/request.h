@@ -14,6 +14,7 @@
 enum {
     REQUEST_TARGET_MAX = 8000, /* bytes of path and query; RFC 9112 section 3 recommends 8000 */
     REQUEST_ID_MAX = 64,
+    REQUEST_BLOCK = 131072, /* bytes of a streamed answer that wait to be sent */
     REQUEST_HEADERS_MAX = API_HEADERS_MAX + 8
 };
 
@@ -23,12 +24,16 @@ struct request {
     char id[REQUEST_ID_MAX + 1];
     char *target; /* owned; path and query point into it */
     const char *path, *query;
-    const char *content_type, *accept; /* the connection's, valid until the request completes */
+    const char *content_type, *accept, *accept_encoding; /* the connection's, valid until the request completes */
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;
     size_t body_expected; /* Content-Length; 0 if unknown */
     struct api_response response;
+    /* Of a response.stream: bytes taken .. size of the block are still to be sent. */
+    char *block;
+    size_t block_size, block_taken, streamed;
+    bool block_last, block_failed; /* no more follow; the connection is to be cut */
     const char *cors; /* value of Access-Control-Allow-Origin; NULL: none */
     bool close;       /* the connection ends after this answer */
     bool overdue;     /* the deadline passed and the work was told */
@@ -64,6 +69,10 @@ bool request_is_short(struct request *request);
 
 /* Calls the API and fills the response; on any thread. */
 void request_run(struct request *request);
+
+/* Readies the request for blocks: its job computes the next one.  False: out of memory. */
+bool request_start_stream(struct request *request);
+void request_next_block(struct request *request);
 
 /* Replaces the response by a problem document; with Retry-After for 429 and 503. */
 void request_refuse(struct request *request, int status, const char *detail);

@@ -107,6 +107,9 @@ step cases-asan   cases asan
 step abuse-asan   abuse asan no
 step cases-tsan   cases tsan
 step demo         demo
+step fuzz         make -s -j"$jobs" VARIANT=asan fuzz-short
+step examples     tests/examples.sh build/release/facetd
+step lint         tests/extras.sh lint
 step texts        tests/texts.sh
 
 passed=$(grep -c '^ok ' "$log") failed=$(grep -c '^FAIL ' "$log") skipped=$(grep -c '^skip ' "$log")

@@ -15,6 +15,7 @@ struct body {
 };
 
 /*
+ * "form": {"request":{...}, "name":{"float32":[..]} | {"float64":[..]} | {"npy":[[..],..]}, ...} ·
  * "json": any value · "text": as it stands · "file": path below shared data ·
  * "generate": {"repeat":"[","count":n,"before":"","after":""} | {"directions":n} |
  *   {"merl":{"dims":[90,90,180],"bytes":n,"value":x}} |

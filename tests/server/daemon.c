@@ -156,10 +156,8 @@ static bool read_head(int fd, struct answer *answer)
     return false;
 }
 
-static bool read_body(int fd, struct answer *answer)
+static bool read_bytes(int fd, size_t left, struct answer *answer)
 {
-    const char *length = answer_header(answer, "Content-Length");
-    size_t left = length ? strtoul(length, NULL, 10) : 0;
     while (left) {
         char piece[65536];
         ssize_t n = recv(fd, piece, left < sizeof piece ? left : sizeof piece, 0);
@@ -168,6 +166,30 @@ static bool read_body(int fd, struct answer *answer)
         memcpy(answer->body + ANSWER_BODY_MAX - room, piece, (size_t)n < room ? (size_t)n : room);
         answer->body_size += (size_t)n;
         left -= (size_t)n;
+    }
+    return true;
+}
+
+/* A line of a chunked body, up to its line break. */
+static bool read_line(int fd, char *line, size_t room)
+{
+    for (size_t n = 0; n + 1 < room; n++) {
+        if (recv(fd, line + n, 1, 0) != 1) return false;
+        if (line[n] == '\n') return line[n] = 0, true;
+    }
+    return false;
+}
+
+static bool read_body(int fd, struct answer *answer)
+{
+    const char *length = answer_header(answer, "Content-Length");
+    const char *encoding = answer_header(answer, "Transfer-Encoding");
+    if (!encoding && length && !read_bytes(fd, strtoul(length, NULL, 10), answer)) return false;
+    for (size_t chunk = 1; encoding && chunk;) {
+        char line[64];
+        if (!read_line(fd, line, sizeof line)) return false;
+        chunk = strtoul(line, NULL, 16);
+        if (!read_bytes(fd, chunk, answer) || !read_line(fd, line, sizeof line)) return false;
     }
     answer->body[answer->body_size < ANSWER_BODY_MAX ? answer->body_size : ANSWER_BODY_MAX] = 0;
     return true;

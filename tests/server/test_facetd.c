@@ -25,24 +25,56 @@
 
 static struct answer answer;
 
+/* A line of /proc/<pid>/status, in KiB; -1: not there. */
+static long memory_kib(const struct daemon *daemon, const char *name)
+{
+    char path[64], line[256], format[32];
+    long kib = -1;
+    snprintf(path, sizeof path, "/proc/%ld/status", (long)daemon->pid);
+    snprintf(format, sizeof format, "%s: %%ld", name);
+    FILE *f = fopen(path, "r");
+    while (f && fgets(line, sizeof line, f)) sscanf(line, format, &kib);
+    if (f) fclose(f);
+    return kib;
+}
+
 TEST(idle_it_holds_at_most_20_mb)
 {
     enum { LIMIT_KIB = 20 * 1024 };
     struct daemon daemon;
-    char path[64], line[256];
-    long kib = -1;
     if (SANITIZED) {
         check_skip("a sanitizer's own memory is counted too");
         return;
     }
     if (!daemon_start(&daemon, FACETD, NULL)) return;
     CHECK(daemon_get(&daemon, "/healthz", &answer));
-    snprintf(path, sizeof path, "/proc/%ld/status", (long)daemon.pid);
-    FILE *f = fopen(path, "r");
-    while (f && fgets(line, sizeof line, f)) sscanf(line, "VmRSS: %ld", &kib);
-    if (f) fclose(f);
+    long kib = memory_kib(&daemon, "VmRSS");
     CHECK(kib > 0 && kib <= LIMIT_KIB);
     check_note("resident_kib", (double)kib);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+/* 20 MB of JSON, and 16 MB of float64: computed while they are sent. */
+TEST(a_large_answer_takes_little_memory)
+{
+    enum { LIMIT_KIB = 20 * 1024 };
+    static const char body[] = "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"dtype\":\"float64\","
+                               "\"wi\":{\"grid\":{\"theta\":1000,\"phi\":2000}}}";
+    static const char *const accept[] = {"", "Accept: application/octet-stream\r\n"};
+    struct daemon daemon;
+    if (SANITIZED) {
+        check_skip("a sanitizer's own memory is counted too");
+        return;
+    }
+    if (!daemon_start(&daemon, FACETD, NULL)) return;
+    for (int i = 0; i < 2; i++) {
+        CHECK(daemon_ask(&daemon, "POST", "/v1/eval", accept[i], body, sizeof body - 1, &answer));
+        CHECK_INT(answer.status, 200);
+        CHECK(i ? answer.body_size == 16000000 : answer.body_size > 16000000);
+    }
+    long kib = memory_kib(&daemon, "VmHWM");
+    CHECK(kib > 0 && kib <= LIMIT_KIB);
+    check_note("largest_resident_kib", (double)kib);
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 

@@ -24,12 +24,14 @@ static void check_answer(const struct endpoint *endpoint, const struct answer *a
     struct arena arena;
     struct problem problem = {0};
     api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
+    struct document document = {0};
     struct decoder decoder = {&arena, &problem};
     void *out = api_arena_array(&arena, 1, endpoint->response_size);
-    json_t *json = api_json_parse(answer->response.body, answer->response.body_size, &problem);
-    if (!json || !api_decode(json, endpoint->response, out, NULL, &decoder))
+    if (!api_json_read(answer->response.body, answer->response.body_size, &arena, &problem,
+                       &document) ||
+        !api_decode(document.root, endpoint->response, out, NULL, &decoder))
         check_fail(__FILE__, __LINE__, "%s: %s", endpoint->path, problem.detail);
-    json_decref(json);
+    json_decref(document.root);
     api_arena_close(&arena);
 }
 

@@ -89,11 +89,11 @@ static struct trial decode(const char *json, const char *query)
 {
     struct trial trial = {.ok = false};
     api_arena_open(&trial.arena, 1 << 20);
+    struct document document = {0};
     struct decoder decoder = {&trial.arena, &trial.problem};
-    json_t *value = json ? api_json_parse(json, strlen(json), &trial.problem) : NULL;
-    if (value || !json)
-        trial.ok = api_decode_query(query, value, thing_fields, &trial.thing, &decoder);
-    json_decref(value);
+    if (!json || api_json_read(json, strlen(json), &trial.arena, &trial.problem, &document))
+        trial.ok = api_decode_query(query, document.root, thing_fields, &trial.thing, &decoder);
+    json_decref(document.root);
     return trial;
 }
 
@@ -230,8 +230,11 @@ TEST(memory_is_bounded_by_the_body)
     for (int i = 0; i + 2 < BYTES; i += 3) memcpy(body + i, i ? ",{}" : "[{}", 3);
     memcpy(body + BYTES - 1, "]", 2);
     struct problem problem = {0};
-    json_t *json = api_json_parse(body, BYTES, &problem);
-    CHECK(!json);
+    struct arena arena;
+    struct document document = {0};
+    api_arena_open(&arena, 8 * BYTES);
+    CHECK(!api_json_read(body, BYTES, &arena, &problem, &document));
+    CHECK(!document.root);
     CHECK_INT(problem.status, 413);
     /* Numbers as directions carry them do fit. */
     memset(&problem, 0, sizeof problem);
@@ -239,9 +242,10 @@ TEST(memory_is_bounded_by_the_body)
     body[n++] = '[';
     while (n < BYTES - 16) n += (size_t)sprintf(body + n, "%s[0,0,1]", n > 1 ? "," : "");
     strcpy(body + n, "]");
-    json = api_json_parse(body, n + 1, &problem);
-    CHECK(json);
-    json_decref(json);
+    CHECK(api_json_read(body, n + 1, &arena, &problem, &document));
+    CHECK(document.count == 1 && document.arrays[0].rows > 100000 && document.arrays[0].columns == 3);
+    json_decref(document.root);
+    api_arena_close(&arena);
     free(body);
 }
 

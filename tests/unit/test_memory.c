@@ -4,6 +4,7 @@
 #include "check.h"
 #include "endpoint.h"
 #include "exr_file.h"
+#include "form.h"
 
 #include <stdlib.h>
 
@@ -81,6 +82,92 @@ TEST(a_failed_allocation_is_an_answer)
         check_note("allocations", (double)n);
         for (n = 0; n < 5000 && fail_at(api_endpoint(i), n, true); n += 1 + n / 8) continue;
     }
+}
+
+/* The same for a form of arrays, answered as an archive of arrays. */
+static bool fail_in_form(const char *path, const struct form *form, const char *accept, long n)
+{
+    const struct api_request request = {.method = "POST",
+                                        .path = path,
+                                        .content_type = FORM_TYPE,
+                                        .accept = accept,
+                                        .body = form->bytes,
+                                        .body_size = form->size};
+    struct api_response response;
+    left = n;
+    all_after = hit = false;
+    api_handle(&request, &response);
+    left = -1;
+    if (hit ? response.status != 503 : response.status != 200)
+        check_fail(__FILE__, __LINE__, "%d with allocation %ld failing: %.200s", response.status, n,
+                   response.status == 200 ? "an answer" : (char *)response.body);
+    api_response_clear(&response);
+    return hit;
+}
+
+TEST(a_failed_allocation_in_a_form)
+{
+    enum { N = 5000 };
+    static const char text[] = "{\"material\":{\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],"
+                               "\"wo\":[[0,0,1],[0,0,1.0005]],\"pairing\":\"outer\"}";
+    float *wi = malloc(3 * N * sizeof *wi);
+    for (int i = 0; i < 3 * N; i++) wi[i] = i % 3 == 2;
+    struct form form = {0}, sample = {0};
+    form_add_text(&form, "request", text);
+    form_add_npy(&form, "wi", wi, N, 3);
+    form_end(&form);
+    form_add_text(&sample, "request", "{\"material\":{\"alpha\":0.3},\"dtype\":\"float64\"}");
+    form_add_npy(&sample, "wo", wi, N, 3);
+    form_add(&sample, "u", (double[]){0.25, 0.5}, 2 * sizeof(double));
+    form_end(&sample);
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    static const char *const accept[] = {"application/zip", "application/octet-stream", "application/json"};
+    for (size_t k = 0; k < sizeof accept / sizeof *accept; k++) {
+        for (long n = 0; n < 5000 && fail_in_form("/v1/eval", &form, accept[k], n); n++)
+            check_note("allocations, eval", (double)n);
+        for (long n = 0; n < 5000 && fail_in_form("/v1/sample", &sample, accept[k], n); n++)
+            check_note("allocations, sample", (double)n);
+    }
+    form_clear(&form);
+    form_clear(&sample);
+    free(wi);
+}
+
+/* The same for a stream: what fails before it begins is an answer, what fails later ends it. */
+static bool fail_in_stream(const char *accept, long n)
+{
+    static const char body[] = "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"D\"],"
+                               "\"dtype\":\"float64\",\"wi\":{\"grid\":{\"theta\":256,\"phi\":270}}}";
+    const struct api_request request = {.method = "POST",
+                                        .path = "/v1/eval",
+                                        .accept = accept,
+                                        .body = body,
+                                        .body_size = sizeof body - 1,
+                                        .can_stream = true};
+    static char bytes[1 << 16];
+    struct api_response response;
+    left = n;
+    all_after = hit = false;
+    api_handle(&request, &response);
+    bool early = hit;
+    long got = 1;
+    while (response.stream && got > 0) got = api_stream_next(response.stream, bytes, sizeof bytes);
+    left = -1;
+    if (early ? response.status != 503 : response.status != 200 || got != (hit ? -1 : 0))
+        check_fail(__FILE__, __LINE__, "%d, then %ld, with allocation %ld failing", response.status, got, n);
+    api_response_clear(&response);
+    return hit;
+}
+
+TEST(a_failed_allocation_in_a_stream)
+{
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    for (long n = 0; n < 5000 && fail_in_stream("application/json", n); n++)
+        check_note("allocations, JSON", (double)n);
+    for (long n = 0; n < 5000 && fail_in_stream("application/octet-stream", n); n++)
+        check_note("allocations, bytes", (double)n);
 }
 
 /* The same for the readers and the writer of image files. */

@@ -5,6 +5,7 @@
 #include "media.h"
 
 #include <stdlib.h>
+#include <zlib.h>
 
 #define EVAL "{\"material\":{\"alpha\":0.3},\"wi\":[[0,0,1]],\"wo\":[[0,0,1]]}"
 
@@ -60,7 +61,7 @@ TEST(content_types)
                  {"Application/JSON; charset=utf-8", 200},
                  {"application/x-www-form-urlencoded", 200},
                  {"text/csv", 415},
-                 {"multipart/form-data; boundary=x", 415},
+                 {"multipart/form-data; boundary=x", 400},
                  {"application/jsonx", 415}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         CHECK_INT(status_of((struct api_request){.method = "POST",
@@ -89,6 +90,44 @@ TEST(accept)
     CHECK(api_media_quality("text/*;q=0.3, text/html;q=0.7, */*;q=0.5", "text/html") == 0.7);
     CHECK(api_media_quality("text/*;q=0.3, text/html;q=0.7, */*;q=0.5", "text/plain") == 0.3);
     CHECK(api_media_quality("text/*;q=0.3, text/html;q=0.7, */*;q=0.5", "image/png") == 0.5);
+}
+
+TEST(json_is_compressed_on_demand)
+{
+    static const struct {
+        const char *accept;
+        bool is_gzip;
+    } cases[] = {{NULL, false},          {"gzip", true},          {"deflate, gzip;q=0.5, br", true},
+                 {"gzip;q=0", false},    {"identity", false},     {"", false},
+                 {"br, zstd", false},    {"GZIP", true}};
+    struct answer plain = ask("GET", "/v1/openapi.json", NULL);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct answer a = ask_with((struct api_request){
+            .method = "GET", .path = "/v1/openapi.json", .accept_encoding = cases[i].accept});
+        const unsigned char *bytes = a.response.body;
+        bool is_gzip = bytes[0] == 0x1f && bytes[1] == 0x8b;
+        if (is_gzip != cases[i].is_gzip)
+            check_fail(__FILE__, __LINE__, "%s", cases[i].accept ? cases[i].accept : "NULL");
+        CHECK_INT(a.response.header_count, 1 + is_gzip);
+        CHECK_STR(a.response.headers[is_gzip].name, is_gzip ? "Content-Encoding" : "Vary");
+        CHECK(is_gzip ? a.response.body_size < plain.response.body_size / 3
+                      : a.response.body_size == plain.response.body_size);
+        char *back = malloc(plain.response.body_size);
+        z_stream z = {.next_in = a.response.body, .avail_in = (uInt)a.response.body_size,
+                      .next_out = (Bytef *)back, .avail_out = (uInt)plain.response.body_size};
+        if (is_gzip && inflateInit2(&z, 15 + 16) == Z_OK) {
+            CHECK_INT(inflate(&z, Z_FINISH), Z_STREAM_END);
+            inflateEnd(&z);
+            CHECK(!memcmp(back, plain.response.body, plain.response.body_size));
+        }
+        free(back);
+        answer_clear(&a);
+    }
+    answer_clear(&plain);
+    /* What is short, and what is bytes, stays as it is. */
+    struct answer a = ask_with((struct api_request){.method = "GET", .path = "/healthz", .accept_encoding = "gzip"});
+    CHECK(a.json && !a.response.header_count);
+    answer_clear(&a);
 }
 
 TEST(lookup_tells_the_server_what_to_expect)

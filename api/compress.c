@@ -1,0 +1,45 @@
+#include "compress.h"
+
+#include "endpoint.h"
+#include "media.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
+
+enum { SIZE_MIN = 1024, SIZE_MAX_GZIP = 1 << 20, LEVEL = 1, GZIP_WINDOW = 15 + 16, MEMORY = 8 };
+
+/* The gzip of bytes, malloc'd; NULL: no memory, or no shorter. */
+static void *gzip(const void *bytes, size_t size, size_t *out_size)
+{
+    z_stream z = {.next_in = (Bytef *)bytes, .avail_in = (uInt)size, .avail_out = (uInt)size};
+    void *out = malloc(size);
+    if (out && deflateInit2(&z, LEVEL, Z_DEFLATED, GZIP_WINDOW, MEMORY, Z_DEFAULT_STRATEGY) == Z_OK) {
+        z.next_out = out;
+        int status = deflate(&z, Z_FINISH);
+        *out_size = z.total_out;
+        deflateEnd(&z);
+        if (status == Z_STREAM_END) return out;
+    }
+    free(out);
+    return NULL;
+}
+
+void api_compress(const char *accept_encoding, struct api_response *response)
+{
+    size_t size;
+    bool is_fit = response->body && response->body_size >= SIZE_MIN &&
+                  response->body_size <= SIZE_MAX_GZIP && response->content_type &&
+                  !strcmp(response->content_type, "application/json");
+    if (!is_fit) return;
+    api_answer_header(response, "Vary", "Accept-Encoding");
+    /* Without the header, and with an empty one, as it is (RFC 9110 section 12.5.3). */
+    if (!accept_encoding || !accept_encoding[strspn(accept_encoding, " \t")]) return;
+    if (!(api_media_quality(accept_encoding, "gzip") > 0)) return;
+    void *body = gzip(response->body, response->body_size, &size);
+    if (!body) return;
+    free(response->body);
+    response->body = body;
+    response->body_size = size;
+    api_answer_header(response, "Content-Encoding", "gzip");
+}

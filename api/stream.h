@@ -1,0 +1,29 @@
+/*
+ * stream.h - an answer that is computed while it is sent: what outlives api_handle.
+ *
+ * A handler that can goes on block by block sets call->produce; the arena and the call then live
+ * until the response is cleared.
+ */
+#ifndef API_STREAM_H
+#define API_STREAM_H
+
+#include "endpoint.h"
+
+/* Answers that may be larger than this are worth it. */
+enum { STREAM_MIN = 1 << 20 };
+
+struct api_stream {
+    struct arena arena; /* the request's */
+    struct problem problem;
+    struct api_request request;   /* a copy: what it points to is the caller's */
+    struct api_response scratch;  /* the call's response once api_handle has returned */
+    struct call call;
+    char *block; /* malloc'd; of block_size bytes the first `taken` are gone */
+    size_t block_size, taken;
+    bool ended;
+};
+
+/* NULL is fine. */
+void api_stream_close(struct api_stream *stream);
+
+#endif
