@@ -1,0 +1,167 @@
+/* height_scale, jacobian and base of a material, against the definitions on a sum of slopes. */
+#include "ask.h"
+#include "check.h"
+#include "facet_leadr.h"
+
+#include <math.h>
+#include <stdio.h>
+
+static const double e[5] = {0.1, -0.2, 0.06, 0.17, -0.015};
+
+/* alpha_x, alpha_y, rho, mean slope of /v1/material. */
+static bool material(const char *members, double out[5])
+{
+    char body[600];
+    snprintf(body, sizeof body, "{\"material\":{\"ndf\":\"beckmann\",%s}}", members);
+    struct answer a = ask_post("/v1/material", body);
+    const json_t *b = json_object_get(a.json, "bivariate");
+    const bool ok = a.response.status == 200;
+    out[0] = json_number_value(json_object_get(b, "alpha_x"));
+    out[1] = json_number_value(json_object_get(b, "alpha_y"));
+    out[2] = json_number_value(json_object_get(b, "rho"));
+    out[3] = answer_number(&a, "mean_slope", 0);
+    out[4] = answer_number(&a, "mean_slope", 1);
+    answer_clear(&a);
+    return ok;
+}
+
+/* The same by transforming second moments in long double and differences at the end. */
+static void expected(const double m[5], double beta, const double j[4], const double base[3],
+                     double out[5])
+{
+    const long double ux = j[0] * beta, uy = j[1] * beta, vx = j[2] * beta, vy = j[3] * beta;
+    const long double x = ux * m[0] + vx * m[1], y = uy * m[0] + vy * m[1];
+    const long double xx = ux * ux * m[2] + 2 * ux * vx * m[4] + vx * vx * m[3] - x * x +
+                           (long double)base[0] * base[0] / 2;
+    const long double yy = uy * uy * m[2] + 2 * uy * vy * m[4] + vy * vy * m[3] - y * y +
+                           (long double)base[1] * base[1] / 2;
+    const long double xy = ux * uy * m[2] + (ux * vy + uy * vx) * m[4] + vx * vy * m[3] - x * y +
+                           (long double)base[2] * base[0] * base[1] / 2;
+    out[0] = (double)sqrtl(2 * xx);
+    out[1] = (double)sqrtl(2 * yy);
+    out[2] = (double)(xy / sqrtl(xx * yy));
+    out[3] = (double)x;
+    out[4] = (double)y;
+}
+
+static void check_same(const char *members, const double want[5])
+{
+    double got[5] = {0};
+    CHECK(material(members, got));
+    for (int k = 0; k < 5; k++) CHECK_REL(got[k], want[k], 1e-14, 0.1);
+}
+
+#define MOMENTS "\"moments\":[0.1,-0.2,0.06,0.17,-0.015]"
+
+TEST(height_scale_and_jacobian)
+{
+    const double one[4] = {1, 0, 0, 1}, shear[4] = {2, 0.5, -0.25, 1.5}, none[3] = {0};
+    double want[5];
+    expected(e, 1, one, none, want);
+    check_same(MOMENTS, want);
+    expected(e, 3, one, none, want);
+    check_same(MOMENTS ",\"height_scale\":3", want);
+    expected(e, 1, shear, none, want);
+    check_same(MOMENTS ",\"jacobian\":[2,0.5,-0.25,1.5]", want);
+    expected(e, -0.5, shear, none, want);
+    check_same(MOMENTS ",\"jacobian\":[2,0.5,-0.25,1.5],\"height_scale\":-0.5", want);
+}
+
+TEST(base_is_a_process_below)
+{
+    const double shear[4] = {2, 0.5, -0.25, 1.5}, base[3] = {0.3, 0.2, -0.4};
+    double want[5];
+    expected(e, 2, shear, base, want);
+    check_same(MOMENTS ",\"jacobian\":[2,0.5,-0.25,1.5],\"height_scale\":2,"
+                       "\"base\":{\"alpha_x\":0.3,\"alpha_y\":0.2,\"rho\":-0.4}",
+               want);
+    /* A surface of its own on a sheared base. */
+    const double alone[5] = {sqrt(0.25 + 0.09), sqrt(0.25 + 0.09), 0, 0.25, 0.5};
+    check_same("\"alpha\":0.5,\"mean_slope\":[0.125,0.25],"
+               "\"base\":{\"alpha\":0.3,\"mean_slope\":[0.125,0.25]}",
+               alone);
+    /* A flat map takes the base's roughness. */
+    const double flat[5] = {0.3, 0.3, 0, 0, 0};
+    check_same("\"moments\":[0,0,0,0,0],\"base\":{\"alpha\":0.3}", flat);
+}
+
+TEST(a_ggx_base_says_what_it_became)
+{
+    struct answer a = ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,0,0,0],"
+                                               "\"base\":{\"ndf\":\"ggx\",\"alpha\":0.3}}}");
+    CHECK_INT(a.response.status, 200);
+    CHECK(answer_text(&a, "note"));
+    CHECK_REL(json_number_value(json_object_get(json_object_get(a.json, "bivariate"), "alpha_x")),
+              0.3 * FACET_BECKMANN_OF_GGX, 1e-14, 0);
+    CHECK_REL(answer_number(&a, "moments", 2), pow(0.3 * FACET_BECKMANN_OF_GGX, 2) / 2, 1e-14, 0);
+    answer_clear(&a);
+}
+
+/* A map's moments sent at any level evaluate like the roughness they stand for. */
+TEST(it_evaluates)
+{
+    double want[5];
+    const double shear[4] = {2, 0.5, -0.25, 1.5}, base[3] = {0.1, 0.1, 0};
+    expected(e, 0.5, shear, base, want);
+    char body[600];
+    snprintf(body, sizeof body,
+             "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g,"
+             "\"mean_slope\":[%.17g,%.17g]},\"wi\":[[0.6,0,0.8]],\"wo\":[[0,0.6,0.8]],"
+             "\"tolerance\":1e-9}",
+             want[0], want[1], want[2], want[3], want[4]);
+    struct answer a = ask_post("/v1/eval", body);
+    struct answer b = ask_post("/v1/eval", "{\"material\":{\"ndf\":\"beckmann\"," MOMENTS
+                                           ",\"jacobian\":[2,0.5,-0.25,1.5],\"height_scale\":0.5,"
+                                           "\"base\":{\"alpha\":0.1}},\"wi\":[[0.6,0,0.8]],"
+                                           "\"wo\":[[0,0.6,0.8]],\"tolerance\":1e-9}");
+    CHECK_INT(a.response.status, 200);
+    CHECK_INT(b.response.status, 200);
+    CHECK(answer_number(&a, "fr", 0) > 0);
+    CHECK_REL(answer_number(&b, "fr", 0), answer_number(&a, "fr", 0), 2e-9, 0);
+    answer_clear(&a);
+    answer_clear(&b);
+}
+
+/* Thin ellipses: what rounding of the parameters may do to fr counts, so a tolerance that plain
+ * moments meet is refused. */
+TEST(ill_conditioned_moments_promise_less)
+{
+    static const char *const tails[] = {
+        "}", ",\"jacobian\":[20,19,-19,-18.5],\"height_scale\":0.05}"};
+    for (int i = 0; i < 2; i++) {
+        char body[400];
+        snprintf(body, sizeof body,
+                 "{\"material\":{\"ndf\":\"beckmann\"," MOMENTS
+                 "%s,\"wi\":[[0.6,0,0.8]],\"wo\":[[0,0.6,0.8]],\"tolerance\":%s}",
+                 tails[i], "5e-12");
+        struct answer a = ask_post("/v1/eval", body);
+        CHECK_INT(a.response.status, i ? 422 : 200);
+        answer_clear(&a);
+    }
+}
+
+static void refused(const char *members, const char *pointer)
+{
+    char body[600];
+    snprintf(body, sizeof body, "{\"material\":{%s}}", members);
+    struct answer a = ask_post("/v1/material", body);
+    CHECK_INT(a.response.status, 422);
+    CHECK_STR(answer_error(&a, "pointer"), pointer);
+    answer_clear(&a);
+}
+
+TEST(refusals)
+{
+    refused("\"alpha\":0.3,\"base\":{\"alpha\":0.3}", "/material/base");
+    refused("\"ndf\":\"beckmann\",\"alpha\":0.3,\"height_scale\":2", "/material/height_scale");
+    refused("\"ndf\":\"beckmann\",\"alpha\":0.3,\"jacobian\":[1,0,0,1]", "/material/jacobian");
+    refused("\"ndf\":\"beckmann\"," MOMENTS ",\"jacobian\":[1,0,0]", "/material/jacobian");
+    refused("\"ndf\":\"beckmann\"," MOMENTS ",\"jacobian\":[1,1,1,1]", "/material/moments");
+    refused("\"ndf\":\"beckmann\"," MOMENTS ",\"height_scale\":0", "/material/moments");
+    refused("\"ndf\":\"beckmann\"," MOMENTS ",\"height_scale\":1e9", "/material/moments");
+    refused("\"ndf\":\"beckmann\",\"alpha\":0.3,\"base\":{}", "/material/base");
+    refused("\"ndf\":\"beckmann\",\"alpha\":0.3,\"base\":{\"ndf\":\"tabulated\",\"alpha\":0.3}",
+            "/material/base/ndf");
+    refused("\"ndf\":\"beckmann\",\"alpha\":0.3,\"base\":{\"alpha\":0.3,\"masking\":\"none\"}",
+            "/material/base/masking");
+}
