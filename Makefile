@@ -18,7 +18,7 @@ clang   := -O2 -DNDEBUG
 debug   := -O0
 asan    := -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 tsan    := -O1 -fsanitize=thread
-fuzz    := -O1 -fsanitize=fuzzer-no-link,address,undefined
+fuzz    := -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
 ifneq ($(filter clang fuzz,$(VARIANT)),)
 CC      := clang
 endif
@@ -110,6 +110,17 @@ REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference
 $(REFERENCED): $(REFERENCE_O)
 $(REFERENCED): LDLIBS += -lquadmath
 
+# ---- fuzzing (VARIANT=fuzz): tests/fuzz/fuzz_<name>.c, a libFuzzer program each ---------------
+RUNS ?= 1000000
+DATA := $(if $(FACET_DATA),$(FACET_DATA),../shared/data)
+FUZZERS := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/fuzz/fuzz_*.c))
+$(FUZZERS): %: %.o $(B)/libapi.a $(B)/libfacet.a
+	$(CC) -fsanitize=fuzzer $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+fuzzers: $(FUZZERS)
+fuzz: ## run the fuzzers, RUNS (1000000) times each
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz fuzzers
+	@tests/fuzz/run.sh build/fuzz/tests/fuzz/fuzz_map $(RUNS) $(DATA)/exr $(DATA)/png
+
 # ---- checks -----------------------------------------------------------------------
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
 # CHECK_ISAS=best: only the best instruction set this processor has.
@@ -198,6 +209,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all openapi clients fuzz fuzzers check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -128,53 +128,52 @@ static bool read_planes(struct call *call, const char *channel, size_t count,
     return refuse_image(call, &first);
 }
 
-/* What stands for 0 and for 1: c = 0 is -1 of unorm; of unorm_mid the middle code of the file's
- * depth is exactly 0. */
-static void decoder(const struct leadr_map *map, const char *type, bool is_z, double *scale,
-                    double *offset)
+/* value = (multiply * c - minus) / divide of a number c, which of a PNG is the code itself. */
+struct decoding {
+    double code, multiply, minus, divide;
+    bool integer;
+};
+
+/* c = 0 is -1 of unorm, 1 is 1; of unorm_mid the middle code of the file's depth is exactly 0. */
+static struct decoding decoding_of(const struct leadr_map *map, const char *type, bool is_z)
 {
-    const double most = !strcmp(type, "16-bit") ? 65535 : 255, middle = (most + 1) / 2;
-    *scale = 1;
-    *offset = 0;
-    switch ((enum leadr_encoding)map->encoding) {
-    case LEADR_SIGNED:
-        return;
-    case LEADR_UNORM_XY:
-        if (is_z) return;
-        /* fall through */
-    case LEADR_UNORM:
-        *scale = 2;
-        *offset = -1;
-        return;
-    case LEADR_UNORM_MID:
-        *scale = most / (middle - 1);
-        *offset = -middle / (middle - 1);
-        return;
-    }
+    const bool integer = strstr(type, "-bit"), mid = map->encoding == LEADR_UNORM_MID;
+    const double most = !strcmp(type, "16-bit") ? 65535 : integer || mid ? 255 : 1;
+    struct decoding d = {most, 1, 0, most, integer};
+    if (map->encoding == LEADR_SIGNED || (map->encoding == LEADR_UNORM_XY && is_z)) return d;
+    d.multiply = mid ? 1 : 2;
+    d.minus = mid ? (most + 1) / 2 : most;
+    d.divide = mid ? (most - 1) / 2 : most;
+    return d;
+}
+
+static double decode(const struct decoding *d, float value)
+{
+    const double c = d->code * value;
+    return (d->multiply * (d->integer ? rint(c) : c) - d->minus) / d->divide;
 }
 
 /* Slope of the plane with normal n: x~ = -n_x / n_z; whatever the length of n.  NaN where n does
  * not point up: lib counts it. */
 static void normals_to_slopes(const struct leadr_map *map, struct image planes[3])
 {
-    double s[3], o[3];
-    for (int k = 0; k < 3; k++) decoder(map, planes[k].type, k == 2, &s[k], &o[k]);
+    struct decoding d[3];
+    for (int k = 0; k < 3; k++) d[k] = decoding_of(map, planes[k].type, k == 2);
     float *x = planes[0].values, *y = planes[1].values;
     const float *z = planes[2].values;
     for (size_t i = 0; i < planes[0].width * planes[0].height; i++) {
-        const double nz = s[2] * z[i] + o[2];
-        x[i] = nz > 0 ? (float)(-(s[0] * x[i] + o[0]) / nz) : NAN;
-        y[i] = nz > 0 ? (float)(-(s[1] * y[i] + o[1]) / nz) : NAN;
+        const double nz = decode(&d[2], z[i]);
+        x[i] = nz > 0 ? (float)(-decode(&d[0], x[i]) / nz) : NAN;
+        y[i] = nz > 0 ? (float)(-decode(&d[1], y[i]) / nz) : NAN;
     }
 }
 
 static void decode_slopes(const struct leadr_map *map, struct image planes[2])
 {
     for (int k = 0; k < 2; k++) {
-        double s, o;
-        decoder(map, planes[k].type, false, &s, &o);
+        const struct decoding d = decoding_of(map, planes[k].type, false);
         for (size_t i = 0; i < planes[k].width * planes[k].height; i++)
-            planes[k].values[i] = (float)(s * planes[k].values[i] + o);
+            planes[k].values[i] = (float)decode(&d, planes[k].values[i]);
     }
 }
 

@@ -181,7 +181,8 @@ static void make_ghost(struct facet_slope_rows *rows, bool low)
 static void central_row(size_t n, const double *above, const double *here, const double *below,
                         double *restrict x, double *restrict y)
 {
-    for (size_t p = 0; p < n; p++) x[p] = here[p + 1] - here[p - 1];
+    const double *left = here - 1, *right = here + 1;
+    for (size_t p = 0; p < n; p++) x[p] = right[p] - left[p];
     for (size_t p = 0; p < n; p++) y[p] = below[p] - above[p];
 }
 
