@@ -121,6 +121,23 @@ fuzz: ## run the fuzzers, RUNS (1000000) times each
 	@$(MAKE) -s --no-print-directory VARIANT=fuzz fuzzers
 	@tests/fuzz/run.sh build/fuzz/tests/fuzz/fuzz_map $(RUNS) $(DATA)/exr $(DATA)/png
 
+# ---- the report on LEADR maps: tables and pictures in build/report ---------------------------
+REPORT_LEADR := $(B)/tests/report/report_leadr
+$(REPORT_LEADR): $(B)/tests/report/report_leadr.o $(B)/tests/report/relief.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+report-leadr: $(REPORT_LEADR) ## filtered slopes against brute force: tables and pictures in build/report (minutes)
+	@mkdir -p build/report
+	@FACET_REPORT=build/report $<
+	@if command -v gnuplot >/dev/null; then (cd build/report && gnuplot ../../tests/report/leadr.gp); \
+	else echo 'skip the curves: gnuplot is not installed'; fi
+
+# ---- the bench of /v1/leadr ------------------------------------------------------------------
+MAKE_MAP := $(B)/tests/bench/make_map
+$(MAKE_MAP): $(B)/tests/bench/make_map.o $(B)/tests/support/exr_file.o
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
+bench-leadr: all $(MAKE_MAP) ## seconds and memory of map filtering through HTTP
+	@tests/bench/leadr.sh $(B)/facetd $(MAKE_MAP)
+
 # ---- checks -----------------------------------------------------------------------
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
 # CHECK_ISAS=best: only the best instruction set this processor has.
@@ -209,6 +226,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients fuzz fuzzers check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all openapi clients fuzz fuzzers report-leadr bench-leadr check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -50,8 +50,9 @@ struct exr_writer;
 struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
                                        const struct exr_attribute *attributes,
                                        size_t attribute_count, struct image_problem *problem);
-/* Row `row` of a level, a value per plane and column; the rows of a level in order, levels in any. */
-void api_exr_writer_row(struct exr_writer *writer, size_t level, size_t row,
+/* Row `row` of a level, a value per plane and column; the rows of a level in order, levels in any.
+ * False: out of memory; close it then. */
+bool api_exr_writer_row(struct exr_writer *writer, size_t level, size_t row,
                         const float *const *planes);
 /* After every row of every level: *bytes is to be freed.  The attributes may have changed since,
  * but not in length. */

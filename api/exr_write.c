@@ -7,12 +7,14 @@
  * mistakes the size of the last tiles of every level but the first.)  libdeflate
  * compresses: three times as fast as the zlib behind OpenEXRCore.
  */
+#define _DEFAULT_SOURCE /* MAP_ANONYMOUS */
 #include "exr.h"
 
 #include <libdeflate.h>
 #include <openexr.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 enum {
     TILE = 64,
@@ -20,8 +22,8 @@ enum {
     CHUNK_HEAD = 20, /* five numbers before a tile */
     OFFSET = 8,      /* its place in the table of chunks */
     HEADER_MAX = 1 << 16,
-    /* Noise does not shrink: where a tile saves less than 1 part in SAVED_PARTS, the next tiles of
-     * its level are stored as they are, twice as many each time up to SKIPPED_MAX. */
+    /* Noise does not shrink: where a row of tiles saves less than 1 part in SAVED_PARTS, the next
+     * ones of its level are stored as they are, twice as many each time up to SKIPPED_MAX. */
     SAVED_PARTS = 32,
     SKIPPED_MAX = 16,
 };
@@ -29,9 +31,10 @@ enum {
 struct exr_level_state {
     size_t width, height, across;
     size_t first_tile;    /* index of its first tile in the table of chunks */
-    unsigned char *band;  /* a row of tiles, each whole; in the file itself where nothing shrinks */
-
-    unsigned skip, skips; /* tiles not to be tried; how many the last failure cost */
+    unsigned char *band; /* a row of tiles, each whole, to be compressed; or in the file itself */
+    size_t band_size;
+    bool compressed; /* the first of these */
+    unsigned skip, skips; /* rows of tiles not to be tried; how many the last failure cost */
 };
 
 struct exr_writer {
@@ -41,8 +44,7 @@ struct exr_writer {
     size_t header_size, tile_count;
     unsigned char *bytes; /* the file: header, table of chunks, chunks */
     size_t size, room;
-    unsigned char *memory; /* bands, and two scratch tiles */
-    unsigned char *scratch, *packed;
+    unsigned char *scratch, *packed; /* tiles */
     struct libdeflate_compressor *compressor;
     struct exr_level_state level[]; /* level_count */
 };
@@ -128,6 +130,28 @@ static enum image_status make_header(const struct exr_pyramid *p,
                              exr_get_default_error_message(result));
 }
 
+/* ---- Bands ------------------------------------------------------------------------------ */
+
+static size_t tile_side(size_t side, size_t index)
+{
+    const size_t left = side - index * TILE;
+    return left < TILE ? left : TILE;
+}
+
+/* Pages of the system's own: malloc would keep them while the file fills the memory. */
+static unsigned char *band_open(size_t size)
+{
+    void *pages =
+        mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return pages == MAP_FAILED ? NULL : pages;
+}
+
+static void band_close(struct exr_level_state *l)
+{
+    if (l->compressed) munmap(l->band, l->band_size);
+    l->compressed = false;
+}
+
 /* ---- Open ------------------------------------------------------------------------------- */
 
 static size_t tiles(size_t side)
@@ -170,19 +194,10 @@ static bool allocate(struct exr_writer *w)
     if (!w->bytes) return false;
     if (w->pyramid.compression != EXR_ZIP) return true;
     const size_t tile = TILE * TILE * w->pixel;
-    size_t band = 0;
-    for (size_t i = 0; i < w->pyramid.level_count; i++) band += w->level[i].width;
-    w->memory = malloc(band * TILE * w->pixel + 2 * tile);
-    w->compressor = w->memory ? libdeflate_alloc_compressor(ZIP_LEVEL) : NULL;
-    if (!w->compressor) return false;
-    w->scratch = w->memory;
+    w->scratch = malloc(2 * tile);
+    w->compressor = w->scratch ? libdeflate_alloc_compressor(ZIP_LEVEL) : NULL;
     w->packed = w->scratch + tile;
-    unsigned char *at = w->packed + tile;
-    for (size_t i = 0; i < w->pyramid.level_count; i++) {
-        w->level[i].band = at;
-        at += w->level[i].width * TILE * w->pixel;
-    }
-    return true;
+    return w->compressor;
 }
 
 struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
@@ -217,8 +232,10 @@ struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
 void api_exr_writer_close(struct exr_writer *w)
 {
     if (!w) return;
+    for (size_t i = 0; i < w->pyramid.level_count; i++)
+        band_close(&w->level[i]);
     libdeflate_free_compressor(w->compressor);
-    free(w->memory);
+    free(w->scratch);
     free(w->bytes);
     free(w);
 }
@@ -272,12 +289,6 @@ static unsigned char *add_chunk(struct exr_writer *w, size_t level, size_t x, si
     return at + CHUNK_HEAD;
 }
 
-static size_t tile_side(size_t side, size_t index)
-{
-    const size_t left = side - index * TILE;
-    return left < TILE ? left : TILE;
-}
-
 /* The format's ZIP: bytes of even and odd places apart, differences, zlib.  0: it does not shrink. */
 static size_t compress(struct exr_writer *w, const unsigned char *from, size_t size)
 {
@@ -293,50 +304,55 @@ static size_t compress(struct exr_writer *w, const unsigned char *from, size_t s
     return size > 1 ? libdeflate_zlib_compress(w->compressor, to, size, w->packed, size - 1) : 0;
 }
 
-static void add_compressed(struct exr_writer *w, size_t level, size_t x, size_t y,
-                           const unsigned char *from, size_t size)
+/* How many bytes it saved. */
+static size_t add_compressed(struct exr_writer *w, size_t level, size_t x, size_t y,
+                             const unsigned char *from, size_t size)
 {
-    struct exr_level_state *l = &w->level[level];
-    size_t packed = 0;
-    if (l->skip) {
-        l->skip--;
-    } else {
-        packed = compress(w, from, size);
-        const bool worth = packed && size - packed >= size / SAVED_PARTS;
-        l->skips = worth ? 0 : l->skips ? 2 * l->skips : 1;
-        if (l->skips > SKIPPED_MAX) l->skips = SKIPPED_MAX;
-        l->skip = l->skips;
-    }
-    memcpy(add_chunk(w, level, x, y, packed ? packed : size), packed ? w->packed : from,
-           packed ? packed : size);
+    const size_t packed = compress(w, from, size), stored = packed ? packed : size;
+    memcpy(add_chunk(w, level, x, y, stored), packed ? w->packed : from, stored);
+    return size - stored;
 }
 
-/* A new row of tiles: where nothing is compressed, its chunks are laid out at once. */
-static void begin_band(struct exr_writer *w, size_t level, size_t y)
+/* A new row of tiles: where nothing is to be compressed, its chunks are laid out at once. */
+static bool begin_band(struct exr_writer *w, size_t level, size_t y)
 {
     struct exr_level_state *l = &w->level[level];
-    if (w->pyramid.compression == EXR_ZIP) return;
+    const size_t height = tile_side(l->height, y);
+    if (w->pyramid.compression == EXR_ZIP && !l->skip) {
+        l->band_size = l->width * height * w->pixel;
+        l->band = band_open(l->band_size);
+        l->compressed = l->band;
+        return l->band;
+    }
+    if (l->skip) l->skip--;
     l->band = w->bytes + w->size;
     for (size_t x = 0; x < l->across; x++)
-        add_chunk(w, level, x, y, tile_side(l->width, x) * tile_side(l->height, y) * w->pixel);
+        add_chunk(w, level, x, y, tile_side(l->width, x) * height * w->pixel);
+    return true;
 }
 
 static void end_band(struct exr_writer *w, size_t level, size_t y)
 {
-    const struct exr_level_state *l = &w->level[level];
-    if (w->pyramid.compression != EXR_ZIP) return;
+    struct exr_level_state *l = &w->level[level];
+    if (!l->compressed) return;
     const size_t height = tile_side(l->height, y);
+    size_t saved = 0;
     for (size_t x = 0; x < l->across; x++)
-        add_compressed(w, level, x, y, l->band + x * TILE * height * w->pixel,
-                       tile_side(l->width, x) * height * w->pixel);
+        saved += add_compressed(w, level, x, y, l->band + x * TILE * height * w->pixel,
+                                tile_side(l->width, x) * height * w->pixel);
+    const bool worth = saved >= l->band_size / SAVED_PARTS;
+    band_close(l);
+    l->skips = worth ? 0 : l->skips ? 2 * l->skips : 1;
+    if (l->skips > SKIPPED_MAX) l->skips = SKIPPED_MAX;
+    l->skip = l->skips;
 }
 
-void api_exr_writer_row(struct exr_writer *w, size_t level, size_t row, const float *const *planes)
+bool api_exr_writer_row(struct exr_writer *w, size_t level, size_t row, const float *const *planes)
 {
     const struct exr_level_state *l = &w->level[level];
     const size_t y = row / TILE, inside = row % TILE, height = tile_side(l->height, y);
-    const size_t head = w->pyramid.compression == EXR_ZIP ? 0 : CHUNK_HEAD;
-    if (inside == 0) begin_band(w, level, y);
+    if (inside == 0 && !begin_band(w, level, y)) return false;
+    const size_t head = l->compressed ? 0 : CHUNK_HEAD;
     for (size_t x = 0; x < l->across; x++) {
         const size_t width = tile_side(l->width, x);
         unsigned char *to = l->band + x * (head + TILE * height * w->pixel) + head +
@@ -345,6 +361,7 @@ void api_exr_writer_row(struct exr_writer *w, size_t level, size_t row, const fl
             put_values(planes[w->order[k]] + x * TILE, width, w->pyramid.half, to);
     }
     if (inside == height - 1) end_band(w, level, y);
+    return true;
 }
 
 /* ---- Finish ---------------------------------------------------------------------------------- */

@@ -510,8 +510,7 @@ static void describe_header(const struct leadr_work *work, bool filtered, struct
 static bool store_row(void *user, size_t level, size_t row,
                       const float *const plane[FACET_PLANES_MAX])
 {
-    api_exr_writer_row(user, level, row, plane);
-    return true;
+    return api_exr_writer_row(user, level, row, plane);
 }
 
 static bool refuse_exr(struct call *call, const struct image_problem *problem)
