@@ -33,10 +33,11 @@ static const struct field request_fields[] = {
      .doc = "rows of heights from the top, in a JSON body; else the body is an EXR or PNG file"},
     {M(kind), FIELD_ENUM, FIELD_DEFAULT, .names = api_leadr_kinds, .doc = "what the map holds"},
     {M(channel), FIELD_TEXT,
-     .doc = "channel of the heights; default: the only one, else the first of height, displacement, "
-            "Y, R, Z of an EXR, and the value all channels of a PNG share. Of a normal map three, "
-            "of a slope map two, as \"nx,ny,nz\"; default: R,G,B or X,Y,Z or x,y,z (slopes also "
-            "E1,E2)"},
+     .doc =
+         "channel of the heights; default: the only one, else the first of height, displacement, "
+         "Y, R, Z of an EXR, and the value all channels of a PNG share. Of a normal map three, "
+         "of a slope map two, as \"nx,ny,nz\"; default: R,G,B or X,Y,Z or x,y,z (slopes also "
+         "E1,E2)"},
     {M(encoding), FIELD_ENUM, .names = api_leadr_encodings,
      .doc = "of normals and slopes: signed, as they are; unorm, 2c - 1; unorm_mid, the same with "
             "the middle code (128 of 255, 32768 of 65535) for 0; unorm_xy, 2c - 1 but z as it is. "
@@ -71,10 +72,10 @@ static const struct field request_fields[] = {
     {M(type), FIELD_ENUM, FIELD_DEFAULT, .names = api_storages,
      .doc = "what the moments are stored as"},
     {M(form), FIELD_ENUM, FIELD_DEFAULT, .names = api_forms,
-     .doc = "raw: E1..E5, of CLEAN E1, E2, E3; central: E1, E2 and the covariance V11, V22, V12, of "
-            "CLEAN E1, E2, A2, which loses less"},
-    {M(force), FIELD_BOOL, FIELD_MAY,
-     .doc = "store raw half even where it loses variance"},
+     .doc =
+         "raw: E1..E5, of CLEAN E1, E2, E3; central: E1, E2 and the covariance V11, V22, V12, of "
+         "CLEAN E1, E2, A2, which loses less"},
+    {M(force), FIELD_BOOL, FIELD_MAY, .doc = "store raw half even where it loses variance"},
     {M(compression), FIELD_ENUM, FIELD_DEFAULT, .names = api_compressions, .initial = EXR_ZIP,
      .doc = "of the EXR answered; tiles that do not shrink are stored as they are"},
     {M(at), FIELD_TEXT,
@@ -125,7 +126,8 @@ static bool take_options(struct call *call, const struct leadr_request *in, stru
     const struct place texel = {NULL, "texel", 0};
     const bool slopes = work->map.kind != LEADR_DISPLACEMENT;
     if (slopes && given(in->texel))
-        return api_problem_at(call->problem, &texel, "is of displacement maps: slopes have no unit");
+        return api_problem_at(call->problem, &texel,
+                              "is of displacement maps: slopes have no unit");
     work->options = (facet_leadr_options){
         .stencil = (facet_stencil)in->stencil,
         .border = (facet_border)in->border,
@@ -162,7 +164,8 @@ static bool take_place(struct call *call, const struct leadr_request *in, struct
     for (int k = 0; k < 2; k++)
         if (!first || end == second || *end || !(work->at[k] >= 0 && work->at[k] < 1))
             return api_problem_at(call->problem, &at,
-                                  "\"%.60s\" is not u,v with both in [0, 1), like 0.5,0.25", in->at);
+                                  "\"%.60s\" is not u,v with both in [0, 1), like 0.5,0.25",
+                                  in->at);
     return true;
 }
 
@@ -180,7 +183,7 @@ static bool check_level(struct call *call, struct leadr_work *work)
 
 static bool answer(struct call *call, const struct leadr_request *in, struct leadr_work *work)
 {
-    const char *type = api_answer_type(call, in->preview >= 0 ? API_PNG_TYPE
+    const char *type = api_answer_type(call, in->preview >= 0          ? API_PNG_TYPE
                                              : call->medium && !in->at ? API_EXR_TYPE
                                                                        : "application/json");
     if (in->at) return api_leadr_json(call, work) && api_leadr_loss_check(call, work, in->force);

@@ -30,10 +30,10 @@ enum {
 
 struct exr_level_state {
     size_t width, height, across;
-    size_t first_tile;    /* index of its first tile in the table of chunks */
+    size_t first_tile;   /* index of its first tile in the table of chunks */
     unsigned char *band; /* a row of tiles, each whole, to be compressed; or in the file itself */
     size_t band_size;
-    bool compressed; /* the first of these */
+    bool compressed;      /* the first of these */
     unsigned skip, skips; /* rows of tiles not to be tried; how many the last failure cost */
 };
 
@@ -141,8 +141,7 @@ static size_t tile_side(size_t side, size_t index)
 /* Pages of the system's own: malloc would keep them while the file fills the memory. */
 static unsigned char *band_open(size_t size)
 {
-    void *pages =
-        mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    void *pages = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     return pages == MAP_FAILED ? NULL : pages;
 }
 
@@ -232,8 +231,7 @@ struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
 void api_exr_writer_close(struct exr_writer *w)
 {
     if (!w) return;
-    for (size_t i = 0; i < w->pyramid.level_count; i++)
-        band_close(&w->level[i]);
+    for (size_t i = 0; i < w->pyramid.level_count; i++) band_close(&w->level[i]);
     libdeflate_free_compressor(w->compressor);
     free(w->scratch);
     free(w->bytes);
@@ -289,7 +287,8 @@ static unsigned char *add_chunk(struct exr_writer *w, size_t level, size_t x, si
     return at + CHUNK_HEAD;
 }
 
-/* The format's ZIP: bytes of even and odd places apart, differences, zlib.  0: it does not shrink. */
+/* The format's ZIP: bytes of even and odd places apart, differences, zlib.  0: it does not shrink.
+ */
 static size_t compress(struct exr_writer *w, const unsigned char *from, size_t size)
 {
     unsigned char *to = w->scratch, *odd = to + (size + 1) / 2;
@@ -355,8 +354,8 @@ bool api_exr_writer_row(struct exr_writer *w, size_t level, size_t row, const fl
     const size_t head = l->compressed ? 0 : CHUNK_HEAD;
     for (size_t x = 0; x < l->across; x++) {
         const size_t width = tile_side(l->width, x);
-        unsigned char *to = l->band + x * (head + TILE * height * w->pixel) + head +
-                            inside * width * w->pixel;
+        unsigned char *to =
+            l->band + x * (head + TILE * height * w->pixel) + head + inside * width * w->pixel;
         for (size_t k = 0; k < w->pyramid.plane_count; k++, to += width * w->element)
             put_values(planes[w->order[k]] + x * TILE, width, w->pyramid.half, to);
     }
@@ -376,7 +375,8 @@ enum image_status api_exr_writer_finish(struct exr_writer *w,
     enum image_status status =
         make_header(&w->pyramid, attributes, attribute_count, header, problem);
     if (status == IMAGE_OK && header->size != w->header_size)
-        status = api_image_problem(problem, IMAGE_UNSUPPORTED, "the EXR's header changed its length");
+        status =
+            api_image_problem(problem, IMAGE_UNSUPPORTED, "the EXR's header changed its length");
     if (status == IMAGE_OK) {
         memcpy(w->bytes, header->bytes, header->size);
         *bytes = w->bytes; /* what is not written to costs no memory */

@@ -3,9 +3,9 @@
 #include "facet_leadr.h"
 
 #include <stdarg.h>
-#include <stdio.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -43,8 +43,8 @@ static bool has_own_pages(const struct image *image)
 static float *allocate(const struct image *image)
 {
     if (!has_own_pages(image)) return malloc(size_of(image));
-    void *pages = mmap(NULL, size_of(image), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS,
-                       -1, 0);
+    void *pages =
+        mmap(NULL, size_of(image), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     return pages == MAP_FAILED ? NULL : pages;
 }
 

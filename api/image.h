@@ -19,7 +19,7 @@ enum image_status {
 struct image {
     float *values; /* rows from the top, owned: api_image_clear */
     size_t width, height;
-    size_t released; /* rows from the top that are gone */
+    size_t released;  /* rows from the top that are gone */
     char channel[64]; /* whose values these are */
     char type[8];     /* "half", "float", "uint", "8-bit", ...: as in the file */
 };

@@ -45,11 +45,12 @@ bool api_leadr_loss_check(struct call *call, const struct leadr_work *work, bool
     if (force || work->options.storage != FACET_HALF || work->options.form != FACET_RAW ||
         !loses(&loss))
         return true;
-    return api_problem_at(call->problem, &at,
-                          "raw half loses %.2g of a level's variance on this map, and all that of "
-                          "%zu texels: use form=central or type=float; force=true stores it all the "
-                          "same",
-                          loss.level, loss.lost);
+    return api_problem_at(
+        call->problem, &at,
+        "raw half loses %.2g of a level's variance on this map, and all that of "
+        "%zu texels: use form=central or type=float; force=true stores it all the "
+        "same",
+        loss.level, loss.lost);
 }
 
 /* A Beckmann material; floored where there is no area in slope space. */
@@ -59,8 +60,7 @@ static facet_status material_of(const facet_moments *moments, facet_roughness *r
     return facet_moments_to_roughness(moments, FACET_ALPHA_MIN, roughness, floored);
 }
 
-/* "" where there is nothing to warn of. */
-static void warn(const struct leadr_work *work, char *out, size_t room)
+void api_leadr_warning(const struct leadr_work *work, char *out, size_t room)
 {
     const struct leadr_loss loss = api_leadr_loss(&work->summary);
     const facet_leadr_options *o = &work->options;
@@ -90,8 +90,7 @@ static double slope_variance(const facet_moments *m)
     return fmax(0, fma(-m->e1, m->e1, m->e3)) + fmax(0, fma(-m->e2, m->e2, m->e4));
 }
 
-/* Of the variance that forward differences see. */
-static double ratio_of(const facet_leadr_summary *s, facet_stencil stencil)
+double api_leadr_ratio(const facet_leadr_summary *s, facet_stencil stencil)
 {
     if (!s->has_stencil[FACET_FORWARD] || !s->has_stencil[stencil]) return NAN;
     const double forward = slope_variance(&s->by_stencil[FACET_FORWARD]);
@@ -249,7 +248,8 @@ const struct field api_leadr_fields[] = {
     {0},
 };
 
-/* ---- JSON --------------------------------------------------------------------------------------- */
+/* ---- JSON ---------------------------------------------------------------------------------------
+ */
 
 static double *five(struct arena *arena, const facet_moments *m)
 {
@@ -348,7 +348,7 @@ static bool list_stencils(struct arena *arena, const facet_leadr_summary *s, str
         const facet_moments *m = &s->by_stencil[i];
         if (!s->has_stencil[i]) continue;
         items[n++] = (struct stencil_out){api_stencils[i], sqrt(m->e3 + m->e4), slope_variance(m),
-                                          ratio_of(s, (facet_stencil)i)};
+                                          api_leadr_ratio(s, (facet_stencil)i)};
     }
     if (n) *list = (struct list){n, items};
     return true;
@@ -408,7 +408,7 @@ bool api_leadr_json(struct call *call, struct leadr_work *work)
     struct keeper k;
     char warning[512];
     if (!run(call, work, &k)) return false;
-    warn(work, warning, sizeof warning);
+    api_leadr_warning(work, warning, sizeof warning);
     out->width = (int64_t)work->map.width;
     out->height = (int64_t)work->map.height;
     const struct image *image = &work->map.planes[0];
@@ -430,137 +430,4 @@ bool api_leadr_json(struct call *call, struct leadr_work *work)
         ok = ok && out->warning;
     }
     return ok || api_problem_memory(call->problem);
-}
-
-/* ---- EXR ----------------------------------------------------------------------------------- */
-
-static const char comments[] =
-    "Slope moments (Dupuy 2015, chapter 3). Slopes are x = dz/dx, y = dz/dy of the height z, "
-    "without unit; x to the right, y as leadrY says. E1 = E[x], E2 = E[y], E3 = E[x^2], "
-    "E4 = E[y^2], E5 = E[x y]; V11 = E3 - E1^2, V22 = E4 - E2^2, V12 = E5 - E1 E2. A Beckmann lobe "
-    "has alpha_x^2 = 2 V11, alpha_y^2 = 2 V22, rho = V12 / sqrt(V11 V22), mean slope (E1, E2). "
-    "Models clean and clean_max: E1, E2, A2 = alpha^2 or E3 = alpha^2 + E1^2 + E2^2 of an isotropic "
-    "lobe. The base roughness is already in. Each level is the mean of its footprint of level 0. "
-    "Heights were multiplied by leadrScale; leadrTexel is the edge of a texel in the same unit. "
-    "Stencils forward and bilinear describe the cell right of and below a texel's centre. "
-    "leadrVarianceError is the largest relative error of a level's mean variance made by storing.";
-
-enum { WARNING_ROOM = 256, ATTRIBUTES = 24 };
-
-struct header {
-    struct exr_attribute list[ATTRIBUTES];
-    size_t count;
-    char source[96], warning[512];
-};
-
-static void text(struct header *h, const char *name, const char *value)
-{
-    h->list[h->count++] = (struct exr_attribute){name, value, 0};
-}
-
-static void number(struct header *h, const char *name, double value)
-{
-    h->list[h->count++] = (struct exr_attribute){name, NULL, value};
-}
-
-/* The header of the file; before the map is filtered with whatever stands for what is not known
- * yet: texts of the same length. */
-static void describe_header(const struct leadr_work *work, bool filtered, struct header *h)
-{
-    static const char *const wraps[] = {"periodic", "clamp", "mirror", "clamp"};
-    const facet_leadr_options *o = &work->options;
-    const struct image *image = &work->map.planes[0];
-    const bool displacement = work->map.kind == LEADR_DISPLACEMENT;
-    const struct leadr_loss loss = api_leadr_loss(&work->summary);
-    h->count = 0;
-    memset(h->warning, 0, sizeof h->warning);
-    if (filtered) warn(work, h->warning, sizeof h->warning);
-    for (size_t n = strlen(h->warning); n < WARNING_ROOM; n++) h->warning[n] = ' ';
-    h->warning[WARNING_ROOM] = 0;
-    snprintf(h->source, sizeof h->source, "%s %s", *image->type ? image->type : "JSON",
-             image->channel);
-    text(h, "software", "facetd " FACET_VERSION);
-    text(h, "comments", comments);
-    text(h, "wrapmodes", displacement ? wraps[o->border] : "clamp");
-    text(h, "leadrKind", api_leadr_kinds[work->map.kind]);
-    text(h, "leadrModel", api_models[o->model]);
-    text(h, "leadrForm", api_forms[o->form]);
-    text(h, "leadrY", api_y_directions[o->y_up]);
-    text(h, "leadrSource", h->source);
-    text(h, "leadrWarning", h->warning);
-    text(h, "leadrBase", work->base_note ? work->base_note : "");
-    number(h, "leadrScale", o->scale);
-    number(h, "leadrBaseAlpha", work->base_alpha[0]);
-    number(h, "leadrBaseAlphaY", work->base_alpha[1]);
-    number(h, "leadrBaseRho", work->base_rho);
-    number(h, "leadrVarianceError", loss.level);
-    number(h, "leadrVarianceErrorOfTexel", loss.texel);
-    number(h, "leadrTexelsLost", (double)loss.lost);
-    if (!displacement) {
-        text(h, "leadrEncoding", api_leadr_encodings[work->map.encoding]);
-        return;
-    }
-    text(h, "leadrStencil", api_stencils[o->stencil]);
-    text(h, "leadrBorder", api_borders[o->border]);
-    number(h, "leadrTexel", o->texel);
-    number(h, "leadrCentralOverForward", ratio_of(&work->summary, FACET_CENTRAL));
-    number(h, "leadrBilinearOverForward", ratio_of(&work->summary, FACET_BILINEAR));
-}
-
-static bool store_row(void *user, size_t level, size_t row,
-                      const float *const plane[FACET_PLANES_MAX])
-{
-    return api_exr_writer_row(user, level, row, plane);
-}
-
-static bool refuse_exr(struct call *call, const struct image_problem *problem)
-{
-    if (problem->status == IMAGE_NO_MEMORY) return api_problem_memory(call->problem);
-    return api_problem(call->problem, 500, "%s", problem->text);
-}
-
-static void describe_pyramid(const struct leadr_work *work, const facet_leadr_summary *sizes,
-                             struct exr_pyramid *pyramid)
-{
-    static const char *const names[FACET_MOMENT_FORM_COUNT][2][MOMENTS] = {
-        {{"E1", "E2", "E3", "E4", "E5"}, {"E1", "E2", "E3"}},
-        {{"E1", "E2", "V11", "V22", "V12"}, {"E1", "E2", "A2"}}};
-    *pyramid = (struct exr_pyramid){
-        .level_count = sizes->level_count,
-        .widths = sizes->width,
-        .heights = sizes->height,
-        .plane_count = sizes->plane_count,
-        .half = work->options.storage == FACET_HALF,
-        .compression = work->compression,
-    };
-    for (size_t k = 0; k < sizes->plane_count; k++)
-        pyramid->names[k] = names[work->options.form][work->options.model != FACET_LEADR][k];
-}
-
-bool api_leadr_exr(struct call *call, struct leadr_work *work, bool force)
-{
-    facet_leadr_summary sizes;
-    /* Wrong sizes: the filter says what of them. */
-    if (facet_leadr_sizes(&work->map.source, &work->options, &sizes) != FACET_OK)
-        return api_leadr_filter(call, work, NULL);
-    struct exr_pyramid pyramid;
-    struct image_problem problem = {0};
-    struct header header;
-    void *bytes = NULL;
-    size_t size = 0;
-    describe_pyramid(work, &sizes, &pyramid);
-    describe_header(work, false, &header);
-    struct exr_writer *writer =
-        api_exr_writer_open(&pyramid, header.list, header.count, &problem);
-    if (!writer) return refuse_exr(call, &problem);
-    const facet_leadr_sink sink = {store_row, writer};
-    bool ok = api_leadr_filter(call, work, &sink) && api_leadr_loss_check(call, work, force);
-    if (ok) {
-        describe_header(work, true, &header);
-        ok = api_exr_writer_finish(writer, header.list, header.count, &bytes, &size, &problem) ==
-                 IMAGE_OK ||
-             refuse_exr(call, &problem);
-    }
-    api_exr_writer_close(writer);
-    return ok && api_answer_raw(call, API_EXR_TYPE, bytes, size);
 }

@@ -6,9 +6,12 @@
 #include "leadr_map.h"
 
 /* The words of the options, in the order of lib's enumerations. */
-extern const char *const api_stencils[], *const api_borders[], *const api_storages[],
-    *const api_forms[], *const api_models[], *const api_y_directions[], *const api_previews[],
-    *const api_compressions[];
+extern const char *const api_stencils[],
+    *const api_borders[], *const api_storages[], *const api_forms[],
+                                                     *const api_models[],
+                                                         *const api_y_directions[],
+                                                             *const api_previews[],
+                                                                 *const api_compressions[];
 
 enum leadr_preview { PREVIEW_ROUGHNESS, PREVIEW_NORMAL, PREVIEW_ANISOTROPY };
 
@@ -19,7 +22,7 @@ struct leadr_work {
     struct leadr_map map;
     facet_leadr_options options;
     facet_leadr_summary summary;
-    const char *base_note; /* what was made of the base; NULL: nothing to say */
+    const char *base_note;          /* what was made of the base; NULL: nothing to say */
     double base_alpha[2], base_rho; /* as Beckmann */
     enum exr_compression compression;
     /* One texel to be looked at, or no level. */
@@ -42,6 +45,10 @@ struct leadr_loss {
     size_t lost;
 };
 struct leadr_loss api_leadr_loss(const facet_leadr_summary *summary);
+/* What to beware of; "" where there is nothing. */
+void api_leadr_warning(const struct leadr_work *work, char *out, size_t room);
+/* The variance a stencil sees of the whole map over that of forward differences; NaN: none. */
+double api_leadr_ratio(const facet_leadr_summary *summary, facet_stencil stencil);
 /* Refuses raw half that loses variance.  True: it does not, or force. */
 bool api_leadr_loss_check(struct call *call, const struct leadr_work *work, bool force);
 

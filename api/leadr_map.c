@@ -46,7 +46,7 @@ static enum image_status read_file(struct call *call, const char *channel, struc
     const struct api_request *request = call->request;
     const facet_watch watch = api_watch(call);
     return (is_png(call) ? api_png_read : api_exr_read)(request->body, request->body_size, channel,
-                                                       &watch, image, problem);
+                                                        &watch, image, problem);
 }
 
 /*
@@ -186,8 +186,7 @@ static bool read_slopes(struct call *call, const char *channel, struct leadr_map
         return api_problem_at(call->problem, &at, "needs a file: JSON bodies hold heights");
     if (!read_planes(call, channel, normal ? 3 : 2, planes)) return false;
     if (map->encoding < 0) {
-        const bool is_float =
-            !strcmp(planes[0].type, "half") || !strcmp(planes[0].type, "float");
+        const bool is_float = !strcmp(planes[0].type, "half") || !strcmp(planes[0].type, "float");
         map->encoding = is_float ? LEADR_SIGNED : LEADR_UNORM;
     }
     if (normal)

@@ -34,8 +34,7 @@ bool api_leadr_map_read(struct call *call, enum leadr_kind kind, const char *cha
 void api_leadr_map_clear(struct leadr_map *map);
 
 /* What facet_leadr_filter found in it.  Returns false. */
-bool api_leadr_map_flaw(struct call *call, const struct leadr_map *map,
-                        const facet_map_flaw *flaw);
+bool api_leadr_map_flaw(struct call *call, const struct leadr_map *map, const facet_map_flaw *flaw);
 
 /* The media a map may come in. */
 extern const struct medium api_leadr_media[];

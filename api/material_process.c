@@ -17,8 +17,9 @@
 
 const struct field api_base_fields[] = {
     {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names, .initial = FACET_BECKMANN,
-     .doc = "beckmann, or ggx, which enters by the Beckmann roughness nearest to it, 1.113287 times "
-            "as rough"},
+     .doc =
+         "beckmann, or ggx, which enters by the Beckmann roughness nearest to it, 1.113287 times "
+         "as rough"},
     {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness"},
     {M(alpha_x), FIELD_NUMBER, ALPHA, .doc = "roughness along x, with alpha_y"},
     {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
@@ -42,8 +43,7 @@ bool api_base_check(void *object, const struct place *place, struct decoder *dec
     return api_roughness_check(base, place, decoder);
 }
 
-bool api_process_check(const struct material *m, const struct place *place,
-                       struct decoder *decoder)
+bool api_process_check(const struct material *m, const struct place *place, struct decoder *decoder)
 {
     const struct place scale = {place, "height_scale", 0}, jacobian = {place, "jacobian", 0},
                        base = {place, "base", 0};
@@ -90,8 +90,12 @@ static void from_moments(const struct material *m, struct process *p)
 
 static void from_roughness(const facet_roughness *r, struct process *p)
 {
-    *p = (struct process){r->slope_x, r->slope_y, fabs(r->slope_x), fabs(r->slope_y),
-                          facet_covariance_from_roughness(r), {0, 0, 0}};
+    *p = (struct process){r->slope_x,
+                          r->slope_y,
+                          fabs(r->slope_x),
+                          fabs(r->slope_y),
+                          facet_covariance_from_roughness(r),
+                          {0, 0, 0}};
     p->terms = absolute(&p->c);
 }
 

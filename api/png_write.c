@@ -63,8 +63,7 @@ enum image_status api_png_write(const unsigned char *rgb, size_t width, size_t h
                                 size_t *size, struct image_problem *problem)
 {
     struct output out = {.room = 4096};
-    png_structp png =
-        png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, output_error, silent);
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, output_error, silent);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     out.bytes = info ? malloc(out.room) : NULL;
     const bool ok = out.bytes && write_all(png, info, &out, rgb, width, height);

@@ -64,8 +64,7 @@ double facet_covariance_largest(const facet_covariance *covariance);
  * element is at most 4 DBL_EPSILON times that (8 roundings of half of it each).
  */
 facet_covariance facet_covariance_transform(const facet_covariance *covariance, double beta,
-                                            const double jacobian[4],
-                                            facet_covariance *magnitude);
+                                            const double jacobian[4], facet_covariance *magnitude);
 
 /*
  * alpha of the Beckmann surface nearest to a GGX surface of alpha 1, by the squared

@@ -59,7 +59,8 @@ static void round_row(const double *exact, size_t n, facet_storage storage, floa
         for (size_t i = 0; i < n; i++) out[i] = (float)exact[i];
 }
 
-/* ---- What is stored, in double ----------------------------------------------------------------- */
+/* ---- What is stored, in double -----------------------------------------------------------------
+ */
 
 /* Five planes, and the variance after them. */
 static void leadr_row(const struct leadr_store *s, size_t n, double *const at[CENTRAL_COUNT])

@@ -8,8 +8,8 @@ struct leadr_store {
     const facet_leadr_options *options;
     double unit_x, unit_y; /* from slope_rows.h's units to slopes */
     size_t plane_count;
-    double *exact;   /* a row: what is to be stored, in double, and the variance */
-    float *rounded;  /* the same as stored */
+    double *exact;  /* a row: what is to be stored, in double, and the variance */
+    float *rounded; /* the same as stored */
     bool overflow;
 };
 

@@ -27,8 +27,9 @@ static struct span span_of(size_t m, size_t n, size_t i)
 {
     const size_t low = i * m, high = low + m, first = low / n, last = (high - 1) / n;
     if (first == last) return (struct span){first, last, (double)m, 0, 0, (double)m};
-    return (struct span){first, last, (double)((first + 1) * n - low), (double)n,
-                         (double)(high - last * n), (double)m};
+    return (struct span){
+        first,    last, (double)((first + 1) * n - low), (double)n, (double)(high - last * n),
+        (double)m};
 }
 
 static struct span *spans_of(size_t m, size_t n)
@@ -83,7 +84,8 @@ void facet_mip_rows_close(struct mip_rows *mip)
     mip->count = 0;
 }
 
-/* ---- Merge ------------------------------------------------------------------------------------- */
+/* ---- Merge -------------------------------------------------------------------------------------
+ */
 
 /* Neighbours, two by two. */
 static void squeeze_pairs(size_t n, double *const from[CENTRAL_COUNT],
@@ -126,15 +128,16 @@ static size_t place_of(const struct line *l, size_t j)
     return (i >= l->capacity ? i - l->capacity : i) * l->stride;
 }
 
-/* Adds term(first + j) for j = 0 .. n - 1 by their shares, from both ends: those inside weigh alike. */
+/* Adds term(first + j) for j = 0 .. n - 1 by their shares, from both ends: those inside weigh
+ * alike. */
 #define SPAN_SUM(total, s, n, term)                                                                \
     do {                                                                                           \
         double inside = 0;                                                                         \
-        size_t a = 1, b = (n) - 1;                                                                 \
+        size_t a = 1, b = (n)-1;                                                                   \
         for (; a + 1 < b; a++, b--) inside += term(a) + term(b - 1);                               \
         if (a < b) inside += term(a);                                                              \
-        (total) = (((s)->low * term(0) + (s)->high * term((n) - 1)) + (s)->whole * inside) /       \
-                  (s)->all;                                                                        \
+        (total) =                                                                                  \
+            (((s)->low * term(0) + (s)->high * term((n)-1)) + (s)->whole * inside) / (s)->all;     \
     } while (0)
 
 /* One texel from a span of texels in the planes of `from`. */
@@ -211,7 +214,7 @@ static void merge_rows(const struct mip_level *l, const struct span *s)
     const struct line line = {s->first % l->capacity, CENTRAL_COUNT * n, l->capacity};
     for (size_t i = 0; i < n; i++) {
         const double *at = l->memory + i, *const planes[] = {at, at + n, at + 2 * n, at + 3 * n,
-                                                            at + 4 * n};
+                                                             at + 4 * n};
         double out[CENTRAL_COUNT];
         merge_span(s, planes, &line, out);
         for (size_t k = 0; k < CENTRAL_COUNT; k++) l->row[k][i] = out[k];

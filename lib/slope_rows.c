@@ -26,8 +26,8 @@ static void set_units(struct facet_slope_rows *rows)
     rows->unit_y = o->y_up ? -rows->unit_x : rows->unit_x;
 }
 
-facet_status facet_slope_rows_size(const facet_map_source *source,
-                                   const facet_leadr_options *o, size_t *width, size_t *height)
+facet_status facet_slope_rows_size(const facet_map_source *source, const facet_leadr_options *o,
+                                   size_t *width, size_t *height)
 {
     const size_t w = source->width, h = source->height;
     if (!(isfinite(o->scale) && isfinite(o->texel) && o->texel > 0)) return FACET_BAD_SIZE;
@@ -46,8 +46,7 @@ facet_status facet_slope_rows_open(struct facet_slope_rows *rows, const facet_ma
                                    const facet_leadr_options *options)
 {
     *rows = (struct facet_slope_rows){.source = source, .options = options};
-    const facet_status status =
-        facet_slope_rows_size(source, options, &rows->width, &rows->height);
+    const facet_status status = facet_slope_rows_size(source, options, &rows->width, &rows->height);
     if (status != FACET_OK) return status;
     const size_t padded = source->width + 2;
     const size_t held = source->kind == FACET_HEIGHTS ? HELD_ROWS + 2 : 0;
@@ -235,7 +234,8 @@ static void add_sums(struct facet_stencil_sums *sums, size_t n, const double *x,
     sums->count += n;
 }
 
-/* What `stencil` sees in row i of the map, counted from 1, into at[0], at[1], and at[2] of BILINEAR. */
+/* What `stencil` sees in row i of the map, counted from 1, into at[0], at[1], and at[2] of
+ * BILINEAR. */
 static size_t apply(struct facet_slope_rows *rows, facet_stencil stencil, size_t i)
 {
     const bool trims = rows->options->border == FACET_TRIM;
@@ -307,8 +307,8 @@ void facet_slope_rows_finish(struct facet_slope_rows *rows)
 {
     const facet_map_source *s = rows->source;
     /* The rows a trimmed map ends before, for the stencils that reach less far. */
-    const bool more = s->kind == FACET_HEIGHTS && rows->options->border == FACET_TRIM &&
-                      !rows->flaw.count;
+    const bool more =
+        s->kind == FACET_HEIGHTS && rows->options->border == FACET_TRIM && !rows->flaw.count;
     const size_t seen = rows->height + (trim_of(rows->options->stencil) == 2);
     if (more)
         for (size_t i = seen + 1; i <= s->height; i++) look(rows, i);

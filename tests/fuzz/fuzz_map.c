@@ -31,9 +31,8 @@ static void read_one(const uint8_t *data, size_t size, const char *channel, size
 {
     struct image image = {0};
     struct image_problem problem = {0};
-    const enum image_status status =
-        (api_png_is(data, size) ? api_png_read : api_exr_read)(data, size, channel, NULL, &image,
-                                                               &problem);
+    const enum image_status status = (api_png_is(data, size) ? api_png_read : api_exr_read)(
+        data, size, channel, NULL, &image, &problem);
     *pixels = status == IMAGE_OK ? image.width * image.height : 0;
     /* Half an answer is a bug. */
     if (status == IMAGE_OK ? !image.values : image.values || !*problem.text) abort();

@@ -91,7 +91,8 @@ void relief_free(struct relief *r)
     r->z = NULL;
 }
 
-/* ---- The surface ------------------------------------------------------------------------------- */
+/* ---- The surface -------------------------------------------------------------------------------
+ */
 
 struct point {
     double z, x_slope, y_slope;
@@ -113,7 +114,8 @@ static struct point surface_at(const struct relief *r, double x, double y)
                           b0 + (b1 - b0) * u};
 }
 
-/* Does the ray from the surface at (x, y, z) get as far as `reach`?  Steps of a third of a texel. */
+/* Does the ray from the surface at (x, y, z) get as far as `reach`?  Steps of a third of a texel.
+ */
 static bool sees(const struct relief *r, double x, double y, double z, const double k[3],
                  double reach)
 {
@@ -126,7 +128,8 @@ static bool sees(const struct relief *r, double x, double y, double z, const dou
     return true;
 }
 
-/* ---- Shading ------------------------------------------------------------------------------------- */
+/* ---- Shading
+ * ------------------------------------------------------------------------------------- */
 
 static double lambda_beckmann(double cosine, double alpha)
 {
@@ -183,8 +186,8 @@ void relief_radiance(const struct relief *r, const struct base *base, double x, 
         for (size_t v = 0; v < view_count; v++) {
             const size_t i = views[v].i, o = views[v].o;
             if (!seen[i] || !seen[o]) continue;
-            radiance[v] += base->f(base->data, local[i], local[o]) * local[i][2] * local[o][2] *
-                           tall;
+            radiance[v] +=
+                base->f(base->data, local[i], local[o]) * local[i][2] * local[o][2] * tall;
         }
     }
     for (size_t v = 0; v < view_count; v++) {

@@ -54,7 +54,8 @@ static void make_views(void)
     }
 }
 
-/* ---- Filtered ------------------------------------------------------------------------------------- */
+/* ---- Filtered
+ * ------------------------------------------------------------------------------------- */
 
 enum way { WAY_CENTRAL, WAY_FORWARD, WAY_BILINEAR, WAY_CLEAN, WAY_NORMAL, WAY_COUNT };
 static const char *const way_names[] = {"central", "forward", "bilinear", "CLEAN", "mean normal"};
@@ -85,7 +86,8 @@ static void shade(const facet_moments *m, double base_alpha, const double (*wi)[
                   const double (*wo)[3], size_t n, double *out)
 {
     const facet_roughness below = {base_alpha, base_alpha, 0, 0, 0};
-    const facet_moments base = facet_moments_from_roughness(&below), sum = facet_moments_add(m, &base);
+    const facet_moments base = facet_moments_from_roughness(&below),
+                        sum = facet_moments_add(m, &base);
     facet_material material = {.ndf = FACET_BECKMANN, .fresnel = {.channels = 1}};
     facet_brdf *brdf = NULL;
     double k[6][VIEWS];
@@ -111,7 +113,8 @@ static void shade_views(const facet_moments *m, double base_alpha, double out[VI
     shade(m, base_alpha, (const double(*)[3])wi, (const double(*)[3])wo, view_count, out);
 }
 
-/* ---- Tables ------------------------------------------------------------------------------------ */
+/* ---- Tables ------------------------------------------------------------------------------------
+ */
 
 struct error {
     double square, truth_square, sum, truth_sum;
@@ -156,9 +159,8 @@ static void compare(FILE *out, const char *name, const struct relief *r, double 
             patch(level, i, &p, &q);
             const double size = (double)((size_t)1 << level);
             relief_radiance(r, &base, (double)p * size, (double)q * size, size,
-                            level == 9 ? 6 * POINTS : POINTS,
-                            (const double(*)[3])directions, direction_count, views, view_count,
-                            truth);
+                            level == 9 ? 6 * POINTS : POINTS, (const double(*)[3])directions,
+                            direction_count, views, view_count, truth);
             for (int w = 0; w < WAY_COUNT; w++) {
                 const facet_moments m = texel(levels[w], (enum way)w, level, p, q);
                 shade_views(&m, alpha, got);
@@ -176,7 +178,8 @@ static void compare(FILE *out, const char *name, const struct relief *r, double 
     for (int w = 0; w < WAY_COUNT; w++) facet_leadr_destroy(levels[w]);
 }
 
-/* ---- A measured base -------------------------------------------------------------------------- */
+/* ---- A measured base --------------------------------------------------------------------------
+ */
 
 static double base_merl(const void *data, const double wi[3], const double wo[3])
 {
@@ -194,8 +197,8 @@ static json_t *ask_json(const char *path, const char *query, const void *body, s
         .method = "POST", .path = path, .query = query, .body = body, .body_size = size};
     struct api_response response;
     api_handle(&request, &response);
-    json_t *json = response.status == 200 ? json_loadb(response.body, response.body_size, 0, NULL)
-                                          : NULL;
+    json_t *json =
+        response.status == 200 ? json_loadb(response.body, response.body_size, 0, NULL) : NULL;
     if (!json) fprintf(stderr, "%s: %d\n", path, response.status);
     api_response_clear(&response);
     return json;
@@ -210,11 +213,11 @@ static bool eval_with_base(const json_t *fitted, const facet_moments *m, double 
         json_array_append_new(wi, json_pack("[f,f,f]", i[0], i[1], i[2]));
         json_array_append_new(wo, json_pack("[f,f,f]", o[0], o[1], o[2]));
     }
-    json_t *request = json_pack(
-        "{s:{s:s,s:[f,f,f,f,f],s:{s:O},s:O},s:[s],s:o,s:o}", "material", "ndf", "beckmann",
-        "moments", m->e1, m->e2, m->e3, m->e4, m->e5, "base", "alpha",
-        json_object_get(fitted, "alpha"), "fresnel", json_object_get(fitted, "fresnel"), "outputs",
-        "fr_cos", "wi", wi, "wo", wo);
+    json_t *request =
+        json_pack("{s:{s:s,s:[f,f,f,f,f],s:{s:O},s:O},s:[s],s:o,s:o}", "material", "ndf",
+                  "beckmann", "moments", m->e1, m->e2, m->e3, m->e4, m->e5, "base", "alpha",
+                  json_object_get(fitted, "alpha"), "fresnel", json_object_get(fitted, "fresnel"),
+                  "outputs", "fr_cos", "wi", wi, "wo", wo);
     char *text = request ? json_dumps(request, 0) : NULL;
     json_t *answer = text ? ask_json("/v1/eval", NULL, text, strlen(text)) : NULL;
     const json_t *values = json_object_get(answer, "fr_cos");
@@ -252,7 +255,8 @@ static void compare_measured(FILE *out, const char *name, const struct relief *r
             relief_radiance(r, &base, (double)p * side, (double)q * side, side, POINTS / 2,
                             (const double(*)[3])directions, direction_count, views, view_count,
                             truth);
-            const facet_moments m = texel(levels, WAY_BILINEAR, level, p, q), none = {0, 0, 0, 0, 0};
+            const facet_moments m = texel(levels, WAY_BILINEAR, level, p, q),
+                                none = {0, 0, 0, 0, 0};
             if (eval_with_base(fitted, &m, got)) add_error(&filtered, got, truth, view_count);
             if (eval_with_base(fitted, &none, got)) add_error(&flat, got, truth, view_count);
             for (size_t v = 0; v < view_count; v++) {
@@ -261,10 +265,10 @@ static void compare_measured(FILE *out, const char *name, const struct relief *r
             }
             add_error(&alone, got, measured, view_count);
         }
-        fprintf(out, "| %s | %s | %.3g | %zu | %.3f (%+.3f) | %.3f (%+.3f) | %.3f (%+.3f) |\n", name,
-                material, json_number_value(json_object_get(fitted, "alpha")), level, rms(&filtered),
-                filtered.sum / filtered.truth_sum - 1, rms(&flat), flat.sum / flat.truth_sum - 1,
-                rms(&alone), alone.sum / alone.truth_sum - 1);
+        fprintf(out, "| %s | %s | %.3g | %zu | %.3f (%+.3f) | %.3f (%+.3f) | %.3f (%+.3f) |\n",
+                name, material, json_number_value(json_object_get(fitted, "alpha")), level,
+                rms(&filtered), filtered.sum / filtered.truth_sum - 1, rms(&flat),
+                flat.sum / flat.truth_sum - 1, rms(&alone), alone.sum / alone.truth_sum - 1);
         fflush(out);
     }
     facet_leadr_destroy(levels);
@@ -273,7 +277,8 @@ static void compare_measured(FILE *out, const char *name, const struct relief *r
     if (!fit) fprintf(out, "| %s | %s | no shared data | | | | |\n", name, material);
 }
 
-/* ---- Pictures ------------------------------------------------------------------------------------ */
+/* ---- Pictures
+ * ------------------------------------------------------------------------------------ */
 
 enum { PIXELS = 96, ZOOM = 3, PANELS = 5, ROWS = 3, GAP = 6 };
 static const char *const panels = "brute force | LEADR | CLEAN | mean normal | 4 x |LEADR - brute|";
@@ -283,7 +288,8 @@ struct picture {
 };
 
 /* A floor under a lamp, seen from the front: pixel (x, y) shows `size` texels each way. */
-static void look(const struct relief *r, double alpha, size_t level, double panel[PANELS][PIXELS][PIXELS])
+static void look(const struct relief *r, double alpha, size_t level,
+                 double panel[PANELS][PIXELS][PIXELS])
 {
     static const double eye[3] = {0, 2.2, 1.6}, lamp[3] = {0.3, -1.2, 1.1};
     const struct base base = {base_beckmann, &alpha};
@@ -373,9 +379,11 @@ static void pictures(FILE *out, const char *folder, const char *name, const stru
                 alpha, panels);
 }
 
-/* ---- Lobes -------------------------------------------------------------------------------------- */
+/* ---- Lobes --------------------------------------------------------------------------------------
+ */
 
-/* f_r cos(theta_i) over theta_i in the plane of incidence, theta_o = 45 degrees, of the whole map. */
+/* f_r cos(theta_i) over theta_i in the plane of incidence, theta_o = 45 degrees, of the whole map.
+ */
 static void lobes(const char *folder, const struct relief *r, double alpha)
 {
     char path[512];
@@ -405,7 +413,8 @@ static void lobes(const char *folder, const struct relief *r, double alpha)
     for (int w = 0; w < WAY_COUNT; w++) facet_leadr_destroy(levels[w]);
 }
 
-/* ---- The report ----------------------------------------------------------------------------------- */
+/* ---- The report
+ * ----------------------------------------------------------------------------------- */
 
 static const struct {
     const char *name;
@@ -422,10 +431,11 @@ static void report(FILE *out, const char *folder)
     static const double alphas[] = {0.1, 0.3};
     struct error totals[WAY_COUNT] = {{0, 0, 0, 0}};
     struct relief r, shown;
-    fprintf(out, "# Filtered slopes against brute force\n\nrms of the error of f_r cos over the rms "
-                 "of the truth (and the error of the sum), %zu views by %d texels.\n\n"
-                 "| surface | base alpha | level | central | forward | bilinear | CLEAN | mean "
-                 "normal |\n|---|---|---|---|---|---|---|---|\n",
+    fprintf(out,
+            "# Filtered slopes against brute force\n\nrms of the error of f_r cos over the rms "
+            "of the truth (and the error of the sum), %zu views by %d texels.\n\n"
+            "| surface | base alpha | level | central | forward | bilinear | CLEAN | mean "
+            "normal |\n|---|---|---|---|---|---|---|---|\n",
             view_count, PATCHES);
     for (size_t g = 0; g < sizeof gaussians / sizeof *gaussians; g++) {
         if (!relief_gaussian(&r, SIDE, gaussians[g].length_x, gaussians[g].length_y,

@@ -124,7 +124,8 @@ TEST(known_slopes_from_level_0_of_the_exr)
     struct surface s;
     for (int i = 0; i < 3 && open_surface(i, &s); i++) {
         char query[128];
-        snprintf(query, sizeof query, "stencil=forward&compression=zip&texel=%.17g", s.known->texel);
+        snprintf(query, sizeof query, "stencil=forward&compression=zip&texel=%.17g",
+                 s.known->texel);
         struct api_response r = post("/v1/leadr", query, "*/*", s.exr, s.size);
         CHECK_INT(r.status, 200);
         CHECK_STR(r.content_type, "image/x-exr");
@@ -174,8 +175,8 @@ TEST(coarsest_level_is_the_direct_sum)
     }
 }
 
-/* On measured microsurfaces: central differences keep 47 %, 75 % and 78 % of the variance forward ones
- * see. */
+/* On measured microsurfaces: central differences keep 47 %, 75 % and 78 % of the variance forward
+ * ones see. */
 TEST(stencils_are_compared)
 {
     const double kept[] = {0.47, 0.75, 0.78};

@@ -1,4 +1,5 @@
-/* POST /v1/leadr beyond displacement: normal and slope maps, CLEAN, raw half, one texel, pictures. */
+/* POST /v1/leadr beyond displacement: normal and slope maps, CLEAN, raw half, one texel, pictures.
+ */
 #include "ask.h"
 #include "check.h"
 #include "exr.h"
@@ -38,7 +39,8 @@ static void check_refused(const char *query, const void *body, size_t size, cons
     answer_clear(&a);
 }
 
-/* ---- One surface in three kinds ----------------------------------------------------------------- */
+/* ---- One surface in three kinds -----------------------------------------------------------------
+ */
 
 enum { W = 48, H = 30 };
 
@@ -177,7 +179,8 @@ TEST(real_normal_maps_convert)
     }
 }
 
-/* ---- Storing -------------------------------------------------------------------------------------- */
+/* ---- Storing
+ * -------------------------------------------------------------------------------------- */
 
 static unsigned char *steep(size_t *size)
 {
@@ -185,8 +188,7 @@ static unsigned char *steep(size_t *size)
     static float z[N * N];
     struct rng rng;
     rng_seed(&rng, 2);
-    for (int i = 0; i < N * N; i++)
-        z[i] = 4 * (float)(i % N) + 0.05f * (float)rng_uniform(&rng);
+    for (int i = 0; i < N * N; i++) z[i] = 4 * (float)(i % N) + 0.05f * (float)rng_uniform(&rng);
     return exr_file_of_heights(z, N, N, size);
 }
 
@@ -195,10 +197,9 @@ TEST(raw_half_is_refused_where_it_loses_variance)
     size_t size = 0;
     unsigned char *exr = steep(&size);
     check_refused("border=clamp&texel=1&type=half", exr, size, "/form", "form=central");
-    const char *const kept[] = {"border=clamp&texel=1&type=half&form=central",
-                                "border=clamp&texel=1&type=half&force=true",
-                                "border=clamp&texel=1&type=half&base_alpha=2",
-                                "border=clamp&texel=1"};
+    const char *const kept[] = {
+        "border=clamp&texel=1&type=half&form=central", "border=clamp&texel=1&type=half&force=true",
+        "border=clamp&texel=1&type=half&base_alpha=2", "border=clamp&texel=1"};
     for (int i = 0; i < 4; i++) {
         struct answer a = post(kept[i], NULL, exr, size);
         CHECK_INT(a.response.status, 200);
@@ -255,7 +256,8 @@ TEST(clean_maps)
 TEST(a_base_of_any_form)
 {
     static const char flat[] = "{\"heights\":[[0,0],[0,0]]}";
-    const char *const queries[] = {"base_alpha=0.3", "base_alpha_x=0.3&base_alpha_y=0.2&base_rho=0.5",
+    const char *const queries[] = {"base_alpha=0.3",
+                                   "base_alpha_x=0.3&base_alpha_y=0.2&base_rho=0.5",
                                    "base_alpha=0.3&base_ndf=ggx"};
     const double xx[] = {0.045, 0.045, 0.045 * 1.113287129283 * 1.113287129283};
     for (int i = 0; i < 3; i++) {
@@ -272,7 +274,8 @@ TEST(a_base_of_any_form)
                   "beside");
 }
 
-/* ---- One texel ----------------------------------------------------------------------------------- */
+/* ---- One texel
+ * ----------------------------------------------------------------------------------- */
 
 TEST(one_texel_is_the_stored_one)
 {
@@ -317,7 +320,8 @@ TEST(one_texel_is_the_stored_one)
     free(exr);
 }
 
-/* ---- Pictures ------------------------------------------------------------------------------------ */
+/* ---- Pictures
+ * ------------------------------------------------------------------------------------ */
 
 TEST(pictures_of_levels)
 {
@@ -333,9 +337,8 @@ TEST(pictures_of_levels)
         CHECK_STR(a.response.content_type, "image/png");
         struct image image;
         struct image_problem problem = {0};
-        CHECK_INT(
-            api_png_read(a.response.body, a.response.body_size, "R", NULL, &image, &problem),
-            IMAGE_OK);
+        CHECK_INT(api_png_read(a.response.body, a.response.body_size, "R", NULL, &image, &problem),
+                  IMAGE_OK);
         CHECK(image.width == W / 2 && image.height == H / 2);
         float least = 1, most = 0;
         for (size_t p = 0; image.values && p < W * H / 4; p++) {
@@ -368,7 +371,8 @@ TEST(pictures_of_levels)
     answer_clear(&a);
 }
 
-/* ---- Files ------------------------------------------------------------------------------------------ */
+/* ---- Files
+ * ------------------------------------------------------------------------------------------ */
 
 TEST(a_map_65537_wide)
 {
@@ -398,10 +402,11 @@ TEST(exrheader_reads_the_answer)
     size_t size = 0;
     make_surface();
     unsigned char *exr = exr_file_of_heights(surface.z, W, H, &size);
-    struct answer a = post("texel=0.5&scale=2&type=half&form=central&base_alpha=0.25", NULL, exr, size);
+    struct answer a =
+        post("texel=0.5&scale=2&type=half&form=central&base_alpha=0.25", NULL, exr, size);
     const int fd = mkstemp(path);
-    CHECK(fd >= 0 && write(fd, a.response.body, a.response.body_size) ==
-                         (ssize_t)a.response.body_size);
+    CHECK(fd >= 0 &&
+          write(fd, a.response.body, a.response.body_size) == (ssize_t)a.response.body_size);
     snprintf(line, sizeof line, "exrheader %s 2>&1", path);
     char *text = calloc(1, 1 << 16);
     if (system("command -v exrheader >/dev/null 2>&1") != 0) {
@@ -410,13 +415,20 @@ TEST(exrheader_reads_the_answer)
         FILE *pipe = popen(line, "r");
         CHECK(pipe && fread(text, 1, (1 << 16) - 1, pipe) > 0);
         CHECK_INT(pipe ? pclose(pipe) : -1, 0);
-        static const char *const says[] = {
-            "E1, 16-bit floating-point, sampling 1 1", "V12, 16-bit floating-point, sampling 1 1",
-            "mip-map", "tile size 64 by 64 pixels", "(0 0) - (47 29)", "zip",
-            "leadrScale (type double): 2", "leadrTexel (type double): 0.5",
-            "leadrBaseAlpha (type double): 0.25", "leadrForm (type string): \"central\"",
-            "leadrStencil (type string): \"bilinear\"", "leadrVarianceError (type double)",
-            "leadrBilinearOverForward (type double)", "software (type string): \"facetd"};
+        static const char *const says[] = {"E1, 16-bit floating-point, sampling 1 1",
+                                           "V12, 16-bit floating-point, sampling 1 1",
+                                           "mip-map",
+                                           "tile size 64 by 64 pixels",
+                                           "(0 0) - (47 29)",
+                                           "zip",
+                                           "leadrScale (type double): 2",
+                                           "leadrTexel (type double): 0.5",
+                                           "leadrBaseAlpha (type double): 0.25",
+                                           "leadrForm (type string): \"central\"",
+                                           "leadrStencil (type string): \"bilinear\"",
+                                           "leadrVarianceError (type double)",
+                                           "leadrBilinearOverForward (type double)",
+                                           "software (type string): \"facetd"};
         for (size_t i = 0; i < sizeof says / sizeof *says; i++)
             if (!strstr(text, says[i]))
                 check_fail(__FILE__, __LINE__, "exrheader does not say \"%s\"", says[i]);

@@ -52,8 +52,7 @@ static void *write_pyramid(bool half, enum exr_compression compression, size_t *
             if (y >= heights[l]) continue;
             for (size_t k = 0; k < 3; k++)
                 for (size_t x = 0; x < widths[l]; x++) row[(k + 1) % 3][x] = value_at(l, k, x, y);
-            CHECK(api_exr_writer_row(writer, l, y,
-                                     (const float *const[]){row[0], row[1], row[2]}));
+            CHECK(api_exr_writer_row(writer, l, y, (const float *const[]){row[0], row[1], row[2]}));
         }
     CHECK_INT(api_exr_writer_finish(writer, last, 2, &bytes, size, &problem), IMAGE_OK);
     api_exr_writer_close(writer);

@@ -28,7 +28,8 @@ static facet_leadr *filter(const float *z, size_t w, size_t h, const facet_leadr
 
 /* ---- Symmetry ------------------------------------------------------------------------------ */
 
-/* Every level of the mirrored map is the mirrored level with the slopes across turned, bit for bit. */
+/* Every level of the mirrored map is the mirrored level with the slopes across turned, bit for bit.
+ */
 static void check_mirrored(const facet_leadr *a, const facet_leadr *b, bool along_x)
 {
     for (size_t l = 0; l < facet_leadr_level_count(a); l++) {
@@ -159,7 +160,8 @@ TEST(steep_terrain_keeps_its_variance)
     free(z);
 }
 
-/* ---- Slope maps -------------------------------------------------------------------------------- */
+/* ---- Slope maps --------------------------------------------------------------------------------
+ */
 
 struct slopes {
     float *rows; /* of each row: along x, then along y */
@@ -205,7 +207,8 @@ TEST(slopes_are_filtered_like_heights)
     free(z);
 }
 
-/* ---- CLEAN ------------------------------------------------------------------------------------- */
+/* ---- CLEAN -------------------------------------------------------------------------------------
+ */
 
 TEST(clean_is_the_mean_or_the_larger_alpha)
 {
@@ -249,8 +252,8 @@ TEST(clean_is_the_mean_or_the_larger_alpha)
 
 /* ---- GGX ----------------------------------------------------------------------------------- */
 
-/* Squared difference of the standard GGX slope density and Beckmann's of alpha c, over the plane, by
- * the midpoint rule in u = r^2/(1 + r^2). */
+/* Squared difference of the standard GGX slope density and Beckmann's of alpha c, over the plane,
+ * by the midpoint rule in u = r^2/(1 + r^2). */
 static double distance(double c)
 {
     enum { CELLS = 200000 };
@@ -274,11 +277,13 @@ TEST(the_beckmann_of_ggx_is_the_nearest)
     check_note("off by", slope / bend);
 }
 
-/* ---- Sizes --------------------------------------------------------------------------------------- */
+/* ---- Sizes
+ * --------------------------------------------------------------------------------------- */
 
 TEST(lines_and_wide_maps)
 {
-    static const size_t sizes[][2] = {{1, 1}, {1, 1000}, {1000, 1}, {65537, 1}, {65537, 2}, {2, 65537}};
+    static const size_t sizes[][2] = {{1, 1},     {1, 1000},  {1000, 1},
+                                      {65537, 1}, {65537, 2}, {2, 65537}};
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         const size_t n = sizes[s][0] * sizes[s][1];
         float *z = noise(n, 3);

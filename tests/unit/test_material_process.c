@@ -87,8 +87,9 @@ TEST(base_is_a_process_below)
 
 TEST(a_ggx_base_says_what_it_became)
 {
-    struct answer a = ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,0,0,0],"
-                                               "\"base\":{\"ndf\":\"ggx\",\"alpha\":0.3}}}");
+    struct answer a =
+        ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,0,0,0],"
+                                 "\"base\":{\"ndf\":\"ggx\",\"alpha\":0.3}}}");
     CHECK_INT(a.response.status, 200);
     CHECK(answer_text(&a, "note"));
     CHECK_REL(json_number_value(json_object_get(json_object_get(a.json, "bivariate"), "alpha_x")),
@@ -104,11 +105,12 @@ TEST(it_evaluates)
     const double shear[4] = {2, 0.5, -0.25, 1.5}, base[3] = {0.1, 0.1, 0};
     expected(e, 0.5, shear, base, want);
     char body[600];
-    snprintf(body, sizeof body,
-             "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g,"
-             "\"mean_slope\":[%.17g,%.17g]},\"wi\":[[0.6,0,0.8]],\"wo\":[[0,0.6,0.8]],"
-             "\"tolerance\":1e-9}",
-             want[0], want[1], want[2], want[3], want[4]);
+    snprintf(
+        body, sizeof body,
+        "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g,"
+        "\"mean_slope\":[%.17g,%.17g]},\"wi\":[[0.6,0,0.8]],\"wo\":[[0,0.6,0.8]],"
+        "\"tolerance\":1e-9}",
+        want[0], want[1], want[2], want[3], want[4]);
     struct answer a = ask_post("/v1/eval", body);
     struct answer b = ask_post("/v1/eval", "{\"material\":{\"ndf\":\"beckmann\"," MOMENTS
                                            ",\"jacobian\":[2,0.5,-0.25,1.5],\"height_scale\":0.5,"
@@ -126,8 +128,8 @@ TEST(it_evaluates)
  * moments meet is refused. */
 TEST(ill_conditioned_moments_promise_less)
 {
-    static const char *const tails[] = {
-        "}", ",\"jacobian\":[20,19,-19,-18.5],\"height_scale\":0.05}"};
+    static const char *const tails[] = {"}",
+                                        ",\"jacobian\":[20,19,-19,-18.5],\"height_scale\":0.05}"};
     for (int i = 0; i < 2; i++) {
         char body[400];
         snprintf(body, sizeof body,
