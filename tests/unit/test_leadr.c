@@ -425,3 +425,24 @@ TEST(microsurfaces_have_their_known_slopes)
         free(z);
     }
 }
+
+/* Every texel of every level of a measured surface, against direct sums. */
+TEST(microsurfaces_at_every_level)
+{
+    for (int i = 0; i < 3; i++) {
+        const char *path = check_data(microsurfaces[i].path);
+        facet_height_map m;
+        float *z = path ? pfm_read(path, &m.width, &m.height) : NULL;
+        if (!z) {
+            check_skip("no shared data");
+            return;
+        }
+        m.heights = z;
+        facet_leadr_options o = plain;
+        o.texel = microsurfaces[i].texel;
+        o.stencil = (facet_stencil)((i + 1) % FACET_STENCIL_COUNT);
+        o.border = (facet_border)i;
+        check_pyramid(&m, &o);
+        free(z);
+    }
+}
