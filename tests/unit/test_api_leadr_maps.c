@@ -439,3 +439,31 @@ TEST(exrheader_reads_the_answer)
     answer_clear(&a);
     free(exr);
 }
+
+/* Lines, points and sizes about a tile go through the file and come back. */
+TEST(odd_sizes_in_files)
+{
+    static const size_t sizes[][2] = {{1, 1}, {1, 70}, {129, 1}, {64, 65}, {3, 2}};
+    for (size_t s = 0; s < 2 * sizeof sizes / sizeof *sizes; s++) {
+        const size_t w = sizes[s / 2][0], h = sizes[s / 2][1];
+        float *z = calloc(w * h, sizeof *z);
+        for (size_t i = 0; z && i < w * h; i++) z[i] = (float)(i % w * 5 % 7 + i / w * 3 % 5);
+        size_t size = 0;
+        unsigned char *exr = exr_file_of_heights(z, w, h, &size);
+        struct answer a =
+            post(s % 2 ? "texel=1&stencil=forward" : "texel=1&stencil=forward&compression=none",
+                 NULL, exr, size);
+        CHECK_INT(a.response.status, 200);
+        struct image image;
+        struct image_problem problem = {0};
+        CHECK_INT(api_exr_read(a.response.body, a.response.body_size, "E1", NULL, &image, &problem),
+                  IMAGE_OK);
+        CHECK(image.width == w && image.height == h);
+        for (size_t i = 0; image.values && i < w * h; i++)
+            CHECK(image.values[i] == z[i / w * w + (i % w + 1) % w] - z[i]);
+        api_image_clear(&image);
+        answer_clear(&a);
+        free(exr);
+        free(z);
+    }
+}

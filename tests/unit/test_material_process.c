@@ -2,6 +2,7 @@
 #include "ask.h"
 #include "check.h"
 #include "facet_leadr.h"
+#include "material.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -25,23 +26,38 @@ static bool material(const char *members, double out[5])
     return ok;
 }
 
-/* The same by transforming second moments in long double and differences at the end. */
+/* square - a b without the rounding of the product, which a long double would still have. */
+static long double central(double square, double a, double b)
+{
+    const double product = a * b;
+    return ((long double)square - product) - fma(a, b, -product);
+}
+
+/* xx, yy, xy by transforming the covariance in long double, from second moments as sent. */
+static void exact_covariance(const double m[5], double beta, const double j[4],
+                             const double base[3], long double c[3])
+{
+    const long double ux = (long double)j[0] * beta, uy = (long double)j[1] * beta;
+    const long double vx = (long double)j[2] * beta, vy = (long double)j[3] * beta;
+    const long double xx = central(m[2], m[0], m[0]), yy = central(m[3], m[1], m[1]);
+    const long double xy = central(m[4], m[0], m[1]);
+    c[0] = ux * ux * xx + 2 * ux * vx * xy + vx * vx * yy + (long double)base[0] * base[0] / 2;
+    c[1] = uy * uy * xx + 2 * uy * vy * xy + vy * vy * yy + (long double)base[1] * base[1] / 2;
+    c[2] = ux * uy * xx + (ux * vy + uy * vx) * xy + vx * vy * yy +
+           (long double)base[2] * base[0] * base[1] / 2;
+}
+
+/* alpha_x, alpha_y, rho and the mean slope. */
 static void expected(const double m[5], double beta, const double j[4], const double base[3],
                      double out[5])
 {
-    const long double ux = j[0] * beta, uy = j[1] * beta, vx = j[2] * beta, vy = j[3] * beta;
-    const long double x = ux * m[0] + vx * m[1], y = uy * m[0] + vy * m[1];
-    const long double xx = ux * ux * m[2] + 2 * ux * vx * m[4] + vx * vx * m[3] - x * x +
-                           (long double)base[0] * base[0] / 2;
-    const long double yy = uy * uy * m[2] + 2 * uy * vy * m[4] + vy * vy * m[3] - y * y +
-                           (long double)base[1] * base[1] / 2;
-    const long double xy = ux * uy * m[2] + (ux * vy + uy * vx) * m[4] + vx * vy * m[3] - x * y +
-                           (long double)base[2] * base[0] * base[1] / 2;
-    out[0] = (double)sqrtl(2 * xx);
-    out[1] = (double)sqrtl(2 * yy);
-    out[2] = (double)(xy / sqrtl(xx * yy));
-    out[3] = (double)x;
-    out[4] = (double)y;
+    long double c[3];
+    exact_covariance(m, beta, j, base, c);
+    out[0] = (double)sqrtl(2 * c[0]);
+    out[1] = (double)sqrtl(2 * c[1]);
+    out[2] = (double)(c[2] / sqrtl(c[0] * c[1]));
+    out[3] = (double)(((long double)j[0] * m[0] + (long double)j[2] * m[1]) * beta);
+    out[4] = (double)(((long double)j[1] * m[0] + (long double)j[3] * m[1]) * beta);
 }
 
 static void check_same(const char *members, const double want[5])
@@ -166,4 +182,79 @@ TEST(refusals)
             "/material/base/ndf");
     refused("\"ndf\":\"beckmann\",\"alpha\":0.3,\"base\":{\"alpha\":0.3,\"masking\":\"none\"}",
             "/material/base/masking");
+}
+
+/*
+ * What rounding does to the covariance is within the error handed on: random moments,
+ * thin and sheared, against long double.  An error of the covariance C counts in its own
+ * metric: the slopes that matter lie within a few ellipses.
+ */
+static double uniform_in(struct rng *rng, double low, double high)
+{
+    return low + (high - low) * rng_uniform(rng);
+}
+
+static bool open_random(struct rng *rng, double *relative, double *promised)
+{
+    double m[5], j[4], beta = exp(uniform_in(rng, -5, 5));
+    const double ax = exp(uniform_in(rng, -6, 1)), ay = exp(uniform_in(rng, -6, 1));
+    const double rho = uniform_in(rng, -1, 1) * (1 - exp(uniform_in(rng, -12, 0)));
+    m[0] = uniform_in(rng, -2, 2), m[1] = uniform_in(rng, -2, 2);
+    m[2] = ax * ax / 2 + m[0] * m[0], m[3] = ay * ay / 2 + m[1] * m[1];
+    m[4] = rho * ax * ay / 2 + m[0] * m[1];
+    for (int k = 0; k < 4; k++) j[k] = uniform_in(rng, -1, 1) * exp(uniform_in(rng, -4, 4));
+
+    struct arena arena;
+    struct problem problem = {0};
+    struct decoder decoder = {&arena, &problem};
+    struct material material, base;
+    struct surface surface;
+    api_field_clear(api_material_fields, &material);
+    api_field_clear(api_base_fields, &base);
+    base.alpha = exp(uniform_in(rng, -9, 0));
+    material.ndf = FACET_BECKMANN;
+    material.moments = (struct numbers){5, m};
+    material.jacobian = (struct numbers){4, j};
+    material.height_scale = beta;
+    if (rng_uniform(rng) < 0.5) material.base = &base;
+    api_arena_open(&arena, 1 << 20);
+    const bool ok = api_material_open(&material, NULL, &decoder, &surface);
+    if (ok) {
+        double want[5];
+        long double c[3], got[3];
+        const double b = material.base ? base.alpha : 0, below[3] = {b, b, 0};
+        exact_covariance(m, beta, j, below, c);
+        expected(m, beta, j, below, want);
+        const facet_roughness *r = &surface.facet.roughness;
+        got[0] = (long double)r->alpha_x * r->alpha_x / 2;
+        got[1] = (long double)r->alpha_y * r->alpha_y / 2;
+        got[2] = (long double)r->rho * r->alpha_x * r->alpha_y / 2;
+        const long double det = c[0] * c[1] - c[2] * c[2];
+        const long double minor = sqrtl(2 * det / (c[0] + c[1]));
+        *relative = (double)((fabsl(got[0] - c[0]) * c[1] + fabsl(got[1] - c[1]) * c[0] +
+                              2 * fabsl(got[2] - c[2]) * fabsl(c[2])) /
+                                 det / 2 +
+                             (fabsl(r->slope_x - want[3]) + fabsl(r->slope_y - want[4])) / minor);
+        *promised = surface.parameter_error / api_slope_gain(FACET_BECKMANN);
+    }
+    api_arena_close(&arena);
+    return ok;
+}
+
+TEST(rounding_of_the_parameters_is_in_the_bound)
+{
+    struct rng rng;
+    double worst = 0;
+    int opened = 0;
+    rng_seed(&rng, 4);
+    for (int i = 0; i < 20000; i++) {
+        double relative, promised;
+        if (!open_random(&rng, &relative, &promised)) continue;
+        opened++;
+        worst = fmax(worst, relative / promised);
+        if (!(relative <= promised))
+            check_fail(__FILE__, __LINE__, "case %d: %g, promised %g", i, relative, promised);
+    }
+    CHECK(opened > 5000);
+    check_note("error over promise", worst);
 }
