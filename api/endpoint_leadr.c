@@ -75,7 +75,7 @@ static const struct field request_fields[] = {
      .doc =
          "raw: E1..E5, of CLEAN E1, E2, E3; central: E1, E2 and the covariance V11, V22, V12, of "
          "CLEAN E1, E2, A2, which loses less"},
-    {M(force), FIELD_BOOL, FIELD_MAY, .doc = "store raw half even where it loses variance"},
+    {M(force), FIELD_BOOL, FIELD_MAY, .doc = "store half even where it loses variance"},
     {M(compression), FIELD_ENUM, FIELD_DEFAULT, .names = api_compressions, .initial = EXR_ZIP,
      .doc = "of the EXR answered; tiles that do not shrink are stored as they are"},
     {M(at), FIELD_TEXT,

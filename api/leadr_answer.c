@@ -38,19 +38,23 @@ static bool loses(const struct leadr_loss *loss)
     return loss->lost || loss->level > LOSS_WARNED;
 }
 
+/*
+ * Central half loses a variance below 3e-8 whole, which is nothing in a flat spot and
+ * all there is of a flat map; raw half loses what stands beside a large mean.
+ */
 bool api_leadr_loss_check(struct call *call, const struct leadr_work *work, bool force)
 {
     const struct leadr_loss loss = api_leadr_loss(&work->summary);
-    const struct place at = {NULL, "form", 0};
-    if (force || work->options.storage != FACET_HALF || work->options.form != FACET_RAW ||
-        !loses(&loss))
+    const bool raw = work->options.form == FACET_RAW;
+    const struct place at = {NULL, raw ? "form" : "type", 0};
+    if (force || work->options.storage != FACET_HALF ||
+        !(raw ? loses(&loss) : loss.level > LOSS_WARNED))
         return true;
-    return api_problem_at(
-        call->problem, &at,
-        "raw half loses %.2g of a level's variance on this map, and all that of "
-        "%zu texels: use form=central or type=float; force=true stores it all the "
-        "same",
-        loss.level, loss.lost);
+    return api_problem_at(call->problem, &at,
+                          "%s half loses %.2g of a level's variance on this map, and all that of "
+                          "%zu texels: use %stype=float; force=true stores it all the same",
+                          api_forms[work->options.form], loss.level, loss.lost,
+                          raw ? "form=central or " : "");
 }
 
 /* A Beckmann material; floored where there is no area in slope space. */

@@ -49,7 +49,7 @@ struct leadr_loss api_leadr_loss(const facet_leadr_summary *summary);
 void api_leadr_warning(const struct leadr_work *work, char *out, size_t room);
 /* The variance a stencil sees of the whole map over that of forward differences; NaN: none. */
 double api_leadr_ratio(const facet_leadr_summary *summary, facet_stencil stencil);
-/* Refuses raw half that loses variance.  True: it does not, or force. */
+/* Refuses half that loses variance.  True: it does not, or force. */
 bool api_leadr_loss_check(struct call *call, const struct leadr_work *work, bool force);
 
 /* The JSON answer, by api_leadr_fields. */
