@@ -14,7 +14,6 @@ struct filter {
     const facet_leadr_sink *sink;
     facet_leadr_summary *summary;
     struct leadr_store store;
-    bool refused; /* by the sink */
 };
 
 enum { WATCH_ROWS = 64 };
@@ -44,8 +43,7 @@ static bool finished(void *user, size_t level, size_t row, double *const at[CENT
     if (!f->sink) return true;
     const float *plane[FACET_PLANES_MAX] = {NULL};
     for (size_t k = 0; k < f->store.plane_count; k++) plane[k] = f->store.rounded + k * n;
-    f->refused = !f->sink->row(f->sink->user, level, row, plane);
-    return !f->refused;
+    return f->sink->row(f->sink->user, level, row, plane);
 }
 
 static facet_status run(struct filter *f, struct facet_slope_rows *rows)

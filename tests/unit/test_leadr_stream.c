@@ -305,3 +305,60 @@ TEST(lines_and_wide_maps)
         free(z);
     }
 }
+
+/* ---- Ends ------------------------------------------------------------------------------------ */
+
+struct countdown {
+    size_t left, rows;
+};
+
+static bool take_some(void *user, size_t level, size_t row,
+                      const float *const plane[FACET_PLANES_MAX])
+{
+    struct countdown *c = user;
+    (void)level, (void)row, (void)plane;
+    c->rows++;
+    return c->left-- > 1;
+}
+
+static const float *height_row(void *user, size_t row)
+{
+    return (const float *)user + 16 * row;
+}
+
+TEST(a_sink_that_refuses_ends_the_work)
+{
+    float *z = noise(16 * 16, 1);
+    const facet_map_source source = {FACET_HEIGHTS, 16, 16, height_row, z};
+    for (size_t left = 1; left <= 31; left += 10) {
+        struct countdown c = {left, 0};
+        const facet_leadr_sink sink = {take_some, &c};
+        facet_leadr_summary s;
+        CHECK_INT(facet_leadr_filter(&source, &plain, NULL, &sink, &s), FACET_NO_MEMORY);
+        CHECK_INT(c.rows, left);
+    }
+    /* 16 + 8 + 4 + 2 + 1 rows, each once. */
+    struct countdown c = {32, 0};
+    const facet_leadr_sink sink = {take_some, &c};
+    facet_leadr_summary s;
+    CHECK_INT(facet_leadr_filter(&source, &plain, NULL, &sink, &s), FACET_OK);
+    CHECK_INT(c.rows, 31);
+    free(z);
+}
+
+/* The last row is looked at first around a periodic border, and counted once. */
+TEST(flaws_in_the_last_row)
+{
+    float *z = noise(16 * 16, 1);
+    const facet_map_source source = {FACET_HEIGHTS, 16, 16, height_row, z};
+    z[15 * 16 + 4] = NAN;
+    z[15 * 16 + 9] = -INFINITY;
+    for (int b = 0; b < FACET_BORDER_COUNT; b++) {
+        facet_leadr_options o = plain;
+        facet_leadr_summary s;
+        o.border = (facet_border)b;
+        CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, &s), FACET_BAD_DATA);
+        CHECK(s.flaw.count == 2 && s.flaw.column == 4 && s.flaw.row == 15);
+    }
+    free(z);
+}
