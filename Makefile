@@ -18,7 +18,7 @@ clang   := -O2 -DNDEBUG
 debug   := -O0
 asan    := -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 tsan    := -O1 -fsanitize=thread
-fuzz    := -O1 -fsanitize=fuzzer-no-link,address,undefined
+fuzz    := -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
 ifneq ($(filter clang fuzz,$(VARIANT)),)
 CC      := clang
 endif
@@ -54,7 +54,7 @@ INC_lib    := -iquote lib -ffp-contract=off
 INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
 INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
-LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lz -lpthread -lm
+LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lz -ldeflate -lpthread -lm
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
@@ -120,6 +120,13 @@ fuzz-long: $(FUZZ)
 fuzz: ## libFuzzer on the codec, the request path and forms, FUZZ_SECONDS (60) each
 	@$(MAKE) -s --no-print-directory VARIANT=fuzz fuzz-long
 
+# The readers of maps over seeds made of the damaged files of the shared data.
+RUNS ?= 1000000
+DATA := $(if $(FACET_DATA),$(FACET_DATA),../shared/data)
+fuzz-map: ## libFuzzer on the readers of maps, RUNS (1000000) inputs
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz build/fuzz/tests/fuzz/fuzz_map
+	@tests/fuzz/map.sh build/fuzz/tests/fuzz/fuzz_map $(RUNS) $(DATA)/exr $(DATA)/png
+
 # ---- the black-box client: shares no code with the product -------------------------
 CLIENTS  := client abuse readme
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
@@ -136,6 +143,23 @@ $(REFERENCE_O): $(B)/%.o: %.c Makefile
 REFERENCED := $(TESTS_ISA) $(B)/tests/unit/test_reference $(B)/tests/unit/test_reference_samplers
 $(REFERENCED): $(REFERENCE_O)
 $(REFERENCED): LDLIBS += -lquadmath
+
+# ---- the report on LEADR maps: tables and pictures in build/report ---------------------------
+REPORT_LEADR := $(B)/tests/report/report_leadr
+$(REPORT_LEADR): $(B)/tests/report/report_leadr.o $(B)/tests/report/relief.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+report-leadr: $(REPORT_LEADR) ## filtered slopes against brute force: tables and pictures in build/report (minutes)
+	@mkdir -p build/report
+	@FACET_REPORT=build/report $<
+	@if command -v gnuplot >/dev/null; then (cd build/report && gnuplot ../../tests/report/leadr.gp); \
+	else echo 'skip the curves: gnuplot is not installed'; fi
+
+# ---- the bench of /v1/leadr ------------------------------------------------------------------
+MAKE_MAP := $(B)/tests/bench/make_map
+$(MAKE_MAP): $(B)/tests/bench/make_map.o $(B)/tests/support/exr_file.o
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
+bench-leadr: all $(MAKE_MAP) ## seconds and memory of map filtering through HTTP
+	@tests/bench/leadr.sh $(B)/facetd $(MAKE_MAP)
 
 # ---- checks -----------------------------------------------------------------------
 # One variant: every test program, then the layers.  Prints a line "ok|FAIL|skip name" per test case.
@@ -186,7 +210,7 @@ soak: $(SOAK) ## the tests of extremes and of answered bounds, a hundred times a
 
 # The experiments of the papers, as tables and pictures.
 REPORT := $(B)/tests/report/report
-$(REPORT): $(patsubst %.c,$(B)/%.o,$(wildcard tests/report/*.c)) $(B)/libfacet.a
+$(REPORT): $(addprefix $(B)/tests/report/,report.o samplers.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
 report: ## furnaces, wasted samples, efficiency of the samplers: build/report/report.md, .csv, .png, .svg
 	@$(MAKE) --no-print-directory deps WHEN='build report'
@@ -195,8 +219,7 @@ report: ## furnaces, wasted samples, efficiency of the samplers: build/report/re
 
 # Speed and error together: build/bench.json, build/bench/bench.md, build/bench/pareto.svg and .png.
 BENCH := $(B)/tests/bench/bench
-$(B)/tests/bench/%.o: BASE := -std=gnu11 $(WARN)
-$(BENCH): $(patsubst %.c,$(B)/%.o,$(wildcard tests/bench/*.c)) $(addprefix $(B)/tests/,support/draw.o support/rng.o accuracy/reference.o) $(B)/libfacet.a
+$(BENCH): $(addprefix $(B)/tests/,bench/bench.o bench/yardstick.o support/draw.o support/rng.o accuracy/reference.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
 bench: ## speed and error of every quantity, tier and instruction set against the textbook: build/bench.json, build/bench/
 	@$(MAKE) --no-print-directory deps WHEN='build report'
@@ -243,6 +266,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -23,6 +23,7 @@ struct material_response {
     struct numbers mean_slope, mean_normal, moments;
     bool isotropic, central, coloured;
     struct list clamped;
+    const char *note;
 };
 
 static const struct field request_fields[] = {
@@ -74,6 +75,7 @@ static const struct field response_fields[] = {
     {O(coloured), FIELD_BOOL, FIELD_MUST, .doc = "fr, fr_cos and F are [r,g,b]"},
     {O(clamped), FIELD_LIST, FIELD_MUST, .fields = clamped_fields, .size = sizeof(struct clamped),
      .doc = "members the service changed; what is out of range is refused instead"},
+    {O(note), FIELD_TEXT, .doc = "what was made of the base"},
     {0},
 };
 
@@ -102,8 +104,11 @@ static bool describe(struct call *call, const struct surface *surface, const str
     out->central = x == 0 && y == 0;
     out->coloured = surface->channels == 3;
     out->clamped.items = "";
+    /* As they came, where they are the material's own. */
+    const bool own = in->moments.values && !in->base && !in->jacobian.values && isnan(in->height_scale);
+    out->note = surface->note;
     if (in->ndf == FACET_BECKMANN &&
-        !numbers(call, in->moments.values ? in->moments.values : moments, 5, &out->moments))
+        !numbers(call, own ? in->moments.values : moments, 5, &out->moments))
         return false;
     return numbers(call, (double[]){x, y}, 2, &out->mean_slope) &&
            numbers(call, (double[]){-x / length, -y / length, 1 / length}, 3, &out->mean_normal);

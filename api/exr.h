@@ -25,11 +25,6 @@ enum image_status api_exr_read(const void *bytes, size_t size, const char *chann
 
 enum { EXR_PLANES_MAX = 8 };
 
-struct exr_level {
-    size_t width, height;
-    const float *plane[EXR_PLANES_MAX]; /* width x height each */
-};
-
 /* A text or a number, never both. */
 struct exr_attribute {
     const char *name;
@@ -37,19 +32,34 @@ struct exr_attribute {
     double number;
 };
 
+enum exr_compression { EXR_STORE, EXR_ZIP }; /* EXR's NONE and ZIP */
+
 struct exr_pyramid {
     size_t level_count;
-    const struct exr_level *levels; /* sizes halved and rounded down, to 1 x 1 */
+    const size_t *widths, *heights; /* halved and rounded down, to 1 x 1 */
     size_t plane_count;
-    const char *names[EXR_PLANES_MAX]; /* in alphabetical order, as the format wants */
-    bool half;                         /* the planes must hold values binary16 represents */
-    bool compress;                     /* ZIP, else none */
-    const struct exr_attribute *attributes;
-    size_t attribute_count;
+    const char *names[EXR_PLANES_MAX];
+    bool half; /* the rows must hold values binary16 represents */
+    enum exr_compression compression;
 };
 
-/* Write one tiled, MIP-mapped part.  *bytes is to be freed. */
-enum image_status api_exr_write(const struct exr_pyramid *pyramid, const facet_watch *watch,
-                                void **bytes, size_t *size, struct image_problem *problem);
+/* One tiled, MIP-mapped part, made in memory from rows as they come. */
+struct exr_writer;
+
+/* attributes: those of the header, or others of the same length.  NULL: *problem says why. */
+struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
+                                       const struct exr_attribute *attributes,
+                                       size_t attribute_count, struct image_problem *problem);
+/* Row `row` of a level, a value per plane and column; the rows of a level in order, levels in any.
+ * False: out of memory; close it then. */
+bool api_exr_writer_row(struct exr_writer *writer, size_t level, size_t row,
+                        const float *const *planes);
+/* After every row of every level: *bytes is to be freed.  The attributes may have changed since,
+ * but not in length. */
+enum image_status api_exr_writer_finish(struct exr_writer *writer,
+                                        const struct exr_attribute *attributes,
+                                        size_t attribute_count, void **bytes, size_t *size,
+                                        struct image_problem *problem);
+void api_exr_writer_close(struct exr_writer *writer); /* NULL is allowed; also after finish */
 
 #endif

@@ -17,8 +17,9 @@ enum image_status {
 };
 
 struct image {
-    float *values; /* rows from the top, owned: image_clear */
+    float *values; /* rows from the top, owned: api_image_clear */
     size_t width, height;
+    size_t released;  /* rows from the top that are gone */
     char channel[64]; /* whose values these are */
     char type[8];     /* "half", "float", "uint", "8-bit", ...: as in the file */
 };
@@ -29,6 +30,9 @@ struct image_problem {
 };
 
 void api_image_clear(struct image *image);
+
+/* The first `rows` rows will not be read any more: their memory goes back, in large pieces. */
+void api_image_release(struct image *image, size_t rows);
 
 /* Records the problem and returns its status, for "return api_image_problem(...)"; printf-like. */
 __attribute__((format(printf, 3, 4))) enum image_status

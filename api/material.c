@@ -132,6 +132,14 @@ const struct field api_material_fields[] = {
      .doc = "the first axis lies at -phi (Dupuy 2.25), with alpha_1 and alpha_2; 0 by default"},
     {M(moments), FIELD_NUMBERS, .min = -1e12, .max = 1e12, .min_items = 5, .max_items = 5,
      .doc = "E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; beckmann; carries the mean slope"},
+    {M(height_scale), FIELD_NUMBER, .min = -1e12, .max = 1e12,
+     .doc = "multiplies the heights whose moments are given; 1 by default"},
+    {M(jacobian), FIELD_NUMBERS, .min = -1e12, .max = 1e12, .min_items = 4, .max_items = 4,
+     .doc = "du/dx, du/dy, dv/dx, dv/dy: stretch and shear of the map whose moments along u and v "
+            "are given (Dupuy section 3.4); identity by default"},
+    {M(base), FIELD_OPTION, .fields = api_base_fields, .size = sizeof(struct material),
+     .check = api_base_check,
+     .doc = "roughness of the surface below, added as an independent process; beckmann"},
     {M(mean_slope), FIELD_NUMBERS, .min = -FACET_MEAN_SLOPE_MAX, .max = FACET_MEAN_SLOPE_MAX,
      .min_items = 2, .max_items = 2, .doc = "mean slope along x and y; [0,0] by default"},
     {M(masking), FIELD_ENUM, FIELD_DEFAULT, .names = api_masking_names,
@@ -175,8 +183,8 @@ static bool check_form(const struct material *m, const struct place *place, stru
     return true;
 }
 
-static bool check_roughness(const struct material *m, const struct place *place,
-                            struct decoder *decoder)
+bool api_roughness_check(const struct material *m, const struct place *place,
+                         struct decoder *decoder)
 {
     struct place moments = {place, "moments", 0};
     if (!check_form(m, place, decoder)) return false;
@@ -205,54 +213,12 @@ bool api_material_check(void *material, const struct place *place, struct decode
     if (m->shear == FACET_THESIS && m->masking != FACET_SMITH &&
         m->masking != FACET_SMITH_UNCORRELATED)
         return api_problem_at(decoder->problem, &shear, "\"thesis\" needs a smith masking");
-    return check_roughness(m, place, decoder);
+    return api_roughness_check(m, place, decoder) && api_process_check(m, place, decoder);
 }
 
-struct covariance api_covariance(const double e[5])
-{
-    /* One rounding each: the difference is exact but for it. */
-    return (struct covariance){fma(-e[0], e[0], e[2]), fma(-e[1], e[1], e[3]),
-                               fma(-e[0], e[1], e[4])};
-}
-
-static bool is_alpha(double alpha)
-{
-    return alpha >= FACET_ALPHA_MIN && alpha <= FACET_ALPHA_MAX;
-}
-
-/*
- * By how much a relative error of all slopes grows in a quantity: at most 4 + 2 + 2
- * in D, det and sigma of GGX; Beckmann's exponent t <= 150 (beyond, results are
- * below the floor) has 2 t.  A table may be as steep as Beckmann.
- */
-static double slope_gain(facet_ndf ndf)
+double api_slope_gain(facet_ndf ndf)
 {
     return ndf == FACET_GGX ? 8 : 304;
-}
-
-/* Beckmann from moments: alpha^2 = 2 variance (Dupuy 5.1). */
-static bool open_moments(const struct material *m, const struct place *place,
-                         struct decoder *decoder, struct surface *surface)
-{
-    const double *e = m->moments.values;
-    struct place at = {place, "moments", 0};
-    struct covariance c = api_covariance(e);
-    double det = fma(c.xx, c.yy, -c.xy * c.xy);
-    if (!(c.xx > 0 && c.yy > 0 && det > 0))
-        return api_problem_at(
-            decoder->problem, &at,
-            "the covariance [[%.6g, %.6g], [%.6g, %.6g]] is not positive definite", c.xx, c.xy,
-            c.xy, c.yy);
-    facet_roughness *r = &surface->facet.roughness;
-    *r = (facet_roughness){sqrt(2 * c.xx), sqrt(2 * c.yy), c.xy / sqrt(c.xx * c.yy), e[0], e[1]};
-    if (!is_alpha(r->alpha_x) || !is_alpha(r->alpha_y) || fabs(r->rho) > FACET_RHO_MAX)
-        return api_problem_at(decoder->problem, &at,
-                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", r->alpha_x,
-                              r->alpha_y, r->rho);
-    /* alpha: 1.5 roundings; rho: 4.5, which 1/kappa + 1/kappa^2 <= 2/(1 - rho^2) carries to slopes.
-     */
-    surface->parameter_error = slope_gain(FACET_BECKMANN) * 6 * DBL_EPSILON * (c.xx * c.yy / det);
-    return true;
 }
 
 static bool open_ellipse(const struct material *m, const struct place *place,
@@ -266,24 +232,37 @@ static bool open_ellipse(const struct material *m, const struct place *place,
     /* At phi = 0 the ellipse is the axes, exactly.  Else alpha: 4 roundings, rho: 17; as above. */
     if (ellipse.phi != 0)
         surface->parameter_error =
-            slope_gain(surface->facet.ndf) * 20 * DBL_EPSILON / ((1 - r->rho) * (1 + r->rho));
+            api_slope_gain(surface->facet.ndf) * 20 * DBL_EPSILON / ((1 - r->rho) * (1 + r->rho));
     return true;
 }
 
-static bool open_roughness(const struct material *m, const struct place *place,
-                           struct decoder *decoder, struct surface *surface)
+/* Of the surface alone; nothing where it has moments. */
+static bool open_alone(const struct material *m, const struct place *place, struct decoder *decoder,
+                       struct surface *surface)
 {
     facet_roughness *r = &surface->facet.roughness;
     if (m->mean_slope.values) {
         r->slope_x = m->mean_slope.values[0];
         r->slope_y = m->mean_slope.values[1];
     }
-    if (m->moments.values) return open_moments(m, place, decoder, surface);
+    if (m->moments.values) return true;
     if (given(m->alpha_1)) return open_ellipse(m, place, decoder, surface);
     r->alpha_x = given(m->alpha_x) ? m->alpha_x : given(m->alpha) ? m->alpha : 1;
     r->alpha_y = given(m->alpha_x) ? m->alpha_y : r->alpha_x;
     r->rho = given(m->rho) ? m->rho : 0;
     return true;
+}
+
+static bool open_roughness(const struct material *m, const struct place *place,
+                           struct decoder *decoder, struct surface *surface)
+{
+    struct surface base = {.facet.ndf = surface->facet.ndf};
+    struct place at = {place, "base", 0};
+    if (!open_alone(m, place, decoder, surface)) return false;
+    if (!m->moments.values && !m->base) return true;
+    if (m->base && !open_alone(m->base, &at, decoder, &base)) return false;
+    surface->parameter_error += base.parameter_error;
+    return api_process_open(m, &base.facet.roughness, place, decoder, surface);
 }
 
 /* ---- Fresnel -------------------------------------------------------------------------------- */

@@ -46,6 +46,9 @@ struct material {
     double alpha_x, alpha_y, rho;
     double alpha_1, alpha_2, phi;
     struct numbers moments;    /* E1..E5 */
+    double height_scale;       /* of the moments' heights */
+    struct numbers jacobian;   /* du/dx, du/dy, dv/dx, dv/dy */
+    struct material *base;     /* ndf, a roughness and mean_slope alone */
     struct numbers mean_slope; /* x, y */
     int masking, shear;
     struct fresnel fresnel;
@@ -75,15 +78,30 @@ struct surface {
      * to the relative error of every quantity; add it to facet_bound's.
      */
     double parameter_error;
+    const char *note; /* what was made of the base; NULL: nothing to say */
 };
 
 bool api_material_open(const struct material *material, const struct place *place,
                        struct decoder *decoder, struct surface *surface);
 
-/* Covariance of the slopes from the moments E1..E5 (Dupuy sec. 5.1): xx, yy, xy. */
-struct covariance {
-    double xx, yy, xy;
-};
-struct covariance api_covariance(const double moments[5]);
+/*
+ * By how much a relative error of all slopes grows in a quantity: at most 4 + 2 + 2
+ * in D, det and sigma of GGX; Beckmann's exponent t <= 150 (beyond, results are
+ * below the floor) has 2 t.  A table may be as steep as Beckmann.
+ */
+double api_slope_gain(facet_ndf ndf);
+
+/* material_process.c: moments with height_scale and jacobian, and a base below; Beckmann.  Roughness
+ * and mean slope of the surface alone are there already unless it has moments. */
+extern const struct field api_base_fields[];
+bool api_base_check(void *base, const struct place *place, struct decoder *decoder);
+bool api_process_check(const struct material *material, const struct place *place,
+                       struct decoder *decoder);
+bool api_process_open(const struct material *material, const facet_roughness *base,
+                      const struct place *place, struct decoder *decoder, struct surface *surface);
+
+/* Exactly one form of roughness, whole. */
+bool api_roughness_check(const struct material *material, const struct place *place,
+                         struct decoder *decoder);
 
 #endif

@@ -23,15 +23,10 @@ struct shape {
 /* The thinnest ellipse kept: at worst (45 degrees) 1 - rho^2 = 4 thin^2, within FACET_RHO_MAX. */
 #define THIN 1e-6
 
-/* fma: the difference is rounded once, so only what E3 itself lost is missing. */
 static struct shape shape_of(const facet_moments *m)
 {
-    const struct shape s = {
-        2 * fma(-m->e1, m->e1, m->e3),
-        2 * fma(-m->e2, m->e2, m->e4),
-        2 * fma(-m->e1, m->e2, m->e5),
-    };
-    return s;
+    const facet_covariance c = facet_covariance_from_moments(m);
+    return (struct shape){2 * c.xx, 2 * c.yy, 2 * c.xy};
 }
 
 /* Raise the eigenvalues to at least floor and to THIN^2 of the larger one; true if that changed
@@ -108,4 +103,42 @@ facet_moments facet_moments_transform(const facet_moments *m, const double j[4])
         .e5 = ux * uy * m->e3 + (ux * vy + uy * vx) * m->e5 + vx * vy * m->e4,
     };
     return t;
+}
+
+facet_covariance facet_covariance_from_moments(const facet_moments *m)
+{
+    return (facet_covariance){fma(-m->e1, m->e1, m->e3), fma(-m->e2, m->e2, m->e4),
+                              fma(-m->e1, m->e2, m->e5)};
+}
+
+facet_covariance facet_covariance_from_roughness(const facet_roughness *r)
+{
+    return (facet_covariance){r->alpha_x * r->alpha_x / 2, r->alpha_y * r->alpha_y / 2,
+                              r->rho * r->alpha_x * r->alpha_y / 2};
+}
+
+double facet_covariance_largest(const facet_covariance *c)
+{
+    return (c->xx + c->yy) / 2 + hypot((c->xx - c->yy) / 2, c->xy);
+}
+
+/* (au, av) C (bu, bv)^T. */
+static double form(const facet_covariance *c, double au, double av, double bu, double bv)
+{
+    return au * bu * c->xx + (au * bv + av * bu) * c->xy + av * bv * c->yy;
+}
+
+facet_covariance facet_covariance_transform(const facet_covariance *c, double beta,
+                                            const double j[4], facet_covariance *magnitude)
+{
+    const double ux = beta * j[0], uy = beta * j[1], vx = beta * j[2], vy = beta * j[3];
+    if (magnitude) {
+        const facet_covariance a = {c->xx, c->yy, fabs(c->xy)};
+        const double x[2] = {fabs(ux), fabs(vx)}, y[2] = {fabs(uy), fabs(vy)};
+        *magnitude =
+            (facet_covariance){form(&a, x[0], x[1], x[0], x[1]), form(&a, y[0], y[1], y[0], y[1]),
+                               form(&a, x[0], x[1], y[0], y[1])};
+    }
+    return (facet_covariance){form(c, ux, vx, ux, vx), form(c, uy, vy, uy, vy),
+                              form(c, ux, vx, uy, vy)};
 }

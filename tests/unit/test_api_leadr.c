@@ -124,7 +124,8 @@ TEST(known_slopes_from_level_0_of_the_exr)
     struct surface s;
     for (int i = 0; i < 3 && open_surface(i, &s); i++) {
         char query[128];
-        snprintf(query, sizeof query, "stencil=forward&compression=zip&texel=%.17g", s.known->texel);
+        snprintf(query, sizeof query, "stencil=forward&compression=zip&texel=%.17g",
+                 s.known->texel);
         struct api_response r = post("/v1/leadr", query, "*/*", s.exr, s.size);
         CHECK_INT(r.status, 200);
         CHECK_STR(r.content_type, "image/x-exr");
@@ -147,14 +148,14 @@ TEST(known_slopes_from_level_0_of_the_exr)
     }
 }
 
-/* The defaults: central differences, periodic, summed here in double straight from the heights. */
+/* Central differences, periodic, summed here in double straight from the heights. */
 TEST(coarsest_level_is_the_direct_sum)
 {
     struct surface s;
     for (int i = 0; i < 3 && open_surface(i, &s); i++) {
         const size_t w = s.width, h = s.height;
-        char query[64];
-        snprintf(query, sizeof query, "texel=%.17g", s.known->texel);
+        char query[96];
+        snprintf(query, sizeof query, "stencil=central&texel=%.17g", s.known->texel);
         json_t *json = post_json("/v1/leadr", query, s.exr, s.size, 200);
         double e[5], sum = 0;
         coarsest(json, e);
@@ -174,8 +175,8 @@ TEST(coarsest_level_is_the_direct_sum)
     }
 }
 
-/* On measured microsurfaces: central differences keep 47 %, 75 % and 78 % of the variance forward ones
- * see. */
+/* On measured microsurfaces: central differences keep 47 %, 75 % and 78 % of the variance forward
+ * ones see. */
 TEST(stencils_are_compared)
 {
     const double kept[] = {0.47, 0.75, 0.78};
@@ -286,8 +287,9 @@ TEST(refusals)
     z[19] = NAN;
     unsigned char *bad = exr_file_of_heights(z, 8, 8, &bad_size);
     check_refusal(NULL, bad, bad_size, 422, NULL);
-    check_refusal("kind=normal", exr, size, 422, "/kind");
-    check_refusal("kind=slope", exr, size, 422, "/kind");
+    check_refusal("kind=normal", exr, size, 422, "/channel");
+    check_refusal("kind=slope", exr, size, 422, "/channel");
+    check_refusal("kind=bump", exr, size, 422, "/kind");
     check_refusal("type=double", exr, size, 422, "/type");
     check_refusal("texel=0", exr, size, 422, "/texel");
     check_refusal("texel=nan", exr, size, 422, "/texel");
@@ -299,7 +301,7 @@ TEST(refusals)
     check_refusal(NULL, "{}", 2, 422, "/heights");
     check_refusal(NULL, "{\"heights\":[[0,1],[0]]}", 23, 422, NULL);
     check_refusal(NULL, "{\"heights\":[[0,1e300],[0,1]]}", 29, 422, "/heights/0/1");
-    check_refusal("border=trim", "{\"heights\":[[0,1],[0,1]]}", 25, 422, "/border");
+    check_refusal("border=trim&stencil=central", "{\"heights\":[[0,1],[0,1]]}", 25, 422, "/border");
     check_refusal(NULL, exr, size / 2, 422, NULL);
     check_refusal(NULL, "no map at all", 13, 415, NULL);
     free(exr);

@@ -130,13 +130,23 @@ static void check_pyramid(const facet_height_map *m, const facet_leadr_options *
             for (int k = 0; k < 5; k++)
                 CHECK_REL(level->plane[k][i], (double)want[k], 6.1e-8, 1e-6);
         }
-        const facet_moments *all = &level->mean;
+        const facet_moments *all = &facet_leadr_summary_of(leadr)->mean;
         long double want[5];
         footprint(m, o, 0, (double)w0, 0, (double)h0, want);
         const double got[5] = {all->e1, all->e2, all->e3, all->e4, all->e5};
         for (int k = 0; k < 5; k++) CHECK_REL(got[k], (double)want[k], 1e-13, 1e-2);
     }
     facet_leadr_destroy(leadr);
+}
+
+static facet_moments mean_of(const facet_height_map *m, const facet_leadr_options *o)
+{
+    facet_leadr *leadr = NULL;
+    facet_moments mean = {NAN, NAN, NAN, NAN, NAN};
+    CHECK_INT(facet_leadr_create(m, o, NULL, NULL, &leadr), FACET_OK);
+    if (leadr) mean = facet_leadr_summary_of(leadr)->mean;
+    facet_leadr_destroy(leadr);
+    return mean;
 }
 
 /* ---- Tests ----------------------------------------------------------------------- */
@@ -223,8 +233,7 @@ TEST(periodic_wave)
     for (int s = 0; s < FACET_STENCIL_COUNT; s++) {
         facet_leadr_options o = plain;
         o.stencil = (facet_stencil)s;
-        facet_moments mean;
-        CHECK_INT(facet_leadr_mean(&m, &o, NULL, &mean), FACET_OK);
+        const facet_moments mean = mean_of(&m, &o);
         CHECK_REL(mean.e1, 0, 1e-15, 1);
         CHECK_REL(mean.e3, expected[s], 1e-7, 0); /* the heights are floats */
         CHECK(mean.e2 == 0 && mean.e4 == 0 && mean.e5 == 0);
@@ -237,18 +246,17 @@ TEST(base_roughness_is_a_process_below)
     float *z = noise(12, 10, 3);
     const facet_height_map m = {z, 12, 10};
     facet_leadr_options o = plain;
-    facet_moments bare;
-    CHECK_INT(facet_leadr_mean(&m, &o, NULL, &bare), FACET_OK);
-    o.base_alpha = 0.3;
-    const facet_roughness base = {0.3, 0.3, 0, 0, 0};
+    const facet_moments bare = mean_of(&m, &o);
+    const facet_roughness base = {0.3, 0.2, 0.4, 0, 0};
+    o.base = facet_covariance_from_roughness(&base);
     const facet_moments below = facet_moments_from_roughness(&base);
     const facet_moments want = facet_moments_add(&bare, &below);
     facet_leadr *leadr = NULL;
     CHECK_INT(facet_leadr_create(&m, &o, NULL, NULL, &leadr), FACET_OK);
     const facet_leadr_level *last = facet_leadr_level_at(leadr, facet_leadr_level_count(leadr) - 1);
-    CHECK_REL(last->mean.e3, want.e3, 1e-14, 0);
-    CHECK_REL(last->mean.e4, want.e4, 1e-14, 0);
-    CHECK_REL(last->mean.e5, want.e5, 1e-14, 0.01);
+    CHECK_REL(facet_leadr_summary_of(leadr)->mean.e3, want.e3, 1e-14, 0);
+    CHECK_REL(facet_leadr_summary_of(leadr)->mean.e4, want.e4, 1e-14, 0);
+    CHECK_REL(facet_leadr_summary_of(leadr)->mean.e5, want.e5, 1e-14, 0.01);
     CHECK_REL(last->plane[2][0], want.e3, 6.1e-8, 0);
     CHECK_REL(last->plane[3][0], want.e4, 6.1e-8, 0);
     CHECK_REL(last->plane[4][0], want.e5, 6.1e-8, 0.01);
@@ -363,7 +371,7 @@ TEST(refusals)
     z[5] = z[9] = 0;
 
     const facet_height_map none = {z, 0, 3}, wide = {z, FACET_MAP_SIDE_MAX + 1, 1};
-    const facet_height_map large = {z, 8192, 4096}, huge = {z, (size_t)1 << 40, (size_t)1 << 40};
+    const facet_height_map large = {z, 8192, 8193}, huge = {z, (size_t)1 << 40, (size_t)1 << 40};
     CHECK_INT(facet_leadr_create(&none, &plain, NULL, &flaw, &leadr), FACET_BAD_SIZE);
     CHECK_INT(facet_leadr_create(&wide, &plain, NULL, &flaw, &leadr), FACET_BAD_SIZE);
     CHECK_INT(facet_leadr_create(&large, &plain, NULL, &flaw, &leadr), FACET_BAD_SIZE);
@@ -380,7 +388,7 @@ TEST(refusals)
     o.texel = NAN;
     CHECK_INT(facet_leadr_create(&m, &o, NULL, &flaw, &leadr), FACET_BAD_SIZE);
     o = plain;
-    o.base_alpha = -1;
+    o.base.xx = -1;
     CHECK_INT(facet_leadr_create(&m, &o, NULL, &flaw, &leadr), FACET_BAD_ALPHA);
 
     int asked = 0;
@@ -414,6 +422,27 @@ TEST(microsurfaces_have_their_known_slopes)
         CHECK_REL(rms, microsurfaces[i].rms_slope, 1e-7, 0);
         check_note("error of the rms slope", fabs(rms / microsurfaces[i].rms_slope - 1));
         facet_leadr_destroy(leadr);
+        free(z);
+    }
+}
+
+/* Every texel of every level of a measured surface, against direct sums. */
+TEST(microsurfaces_at_every_level)
+{
+    for (int i = 0; i < 3; i++) {
+        const char *path = check_data(microsurfaces[i].path);
+        facet_height_map m;
+        float *z = path ? pfm_read(path, &m.width, &m.height) : NULL;
+        if (!z) {
+            check_skip("no shared data");
+            return;
+        }
+        m.heights = z;
+        facet_leadr_options o = plain;
+        o.texel = microsurfaces[i].texel;
+        o.stencil = (facet_stencil)((i + 1) % FACET_STENCIL_COUNT);
+        o.border = (facet_border)i;
+        check_pyramid(&m, &o);
         free(z);
     }
 }

@@ -175,7 +175,7 @@ static bool fail_in_file(const void *body, size_t size, long n)
 {
     const struct api_request request = {.method = "POST",
                                         .path = "/v1/leadr",
-                                        .query = "type=half&compression=zip",
+                                        .query = "type=half&form=central&compression=zip",
                                         .body = body,
                                         .body_size = size};
     struct api_response response;

@@ -1,0 +1,173 @@
+/*
+ * material_process.c - Beckmann surfaces made of others: moments of a map, stretched,
+ * sheared and scaled (Dupuy section 3.4), on a rough surface below (section 5.1).
+ *
+ * All of it in means and covariances, so that no variance is a difference of large
+ * numbers but where the moments sent are.
+ */
+#include "material.h"
+
+#include "facet_leadr.h"
+
+#include <float.h>
+#include <math.h>
+
+#define M(member) MEMBER(struct material, member)
+#define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
+
+const struct field api_base_fields[] = {
+    {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names, .initial = FACET_BECKMANN,
+     .doc =
+         "beckmann, or ggx, which enters by the Beckmann roughness nearest to it, 1.113287 times "
+         "as rough"},
+    {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness"},
+    {M(alpha_x), FIELD_NUMBER, ALPHA, .doc = "roughness along x, with alpha_y"},
+    {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
+    {M(rho), FIELD_NUMBER, .min = -FACET_RHO_MAX, .max = FACET_RHO_MAX,
+     .doc = "correlation of the slopes, with alpha_x and alpha_y; 0 by default"},
+    {M(alpha_1), FIELD_NUMBER, ALPHA, .doc = "roughness along the first axis, with alpha_2"},
+    {M(alpha_2), FIELD_NUMBER, ALPHA, .doc = "roughness along the second axis, with alpha_1"},
+    {M(phi), FIELD_NUMBER, .min = -100, .max = 100, .unit = "rad",
+     .doc = "the first axis lies at -phi, with alpha_1 and alpha_2; 0 by default"},
+    {M(mean_slope), FIELD_NUMBERS, .min = -FACET_MEAN_SLOPE_MAX, .max = FACET_MEAN_SLOPE_MAX,
+     .min_items = 2, .max_items = 2, .doc = "mean slope along x and y; [0,0] by default"},
+    {0},
+};
+
+bool api_base_check(void *object, const struct place *place, struct decoder *decoder)
+{
+    const struct material *base = object;
+    const struct place ndf = {place, "ndf", 0};
+    if (base->ndf == FACET_TABULATED)
+        return api_problem_at(decoder->problem, &ndf, "of a base must be \"beckmann\" or \"ggx\"");
+    return api_roughness_check(base, place, decoder);
+}
+
+bool api_process_check(const struct material *m, const struct place *place, struct decoder *decoder)
+{
+    const struct place scale = {place, "height_scale", 0}, jacobian = {place, "jacobian", 0},
+                       base = {place, "base", 0};
+    if (!isnan(m->height_scale) && !m->moments.values)
+        return api_problem_at(decoder->problem, &scale, "needs moments");
+    if (m->jacobian.values && !m->moments.values)
+        return api_problem_at(decoder->problem, &jacobian, "needs moments");
+    if (m->base && m->ndf != FACET_BECKMANN)
+        return api_problem_at(decoder->problem, &base,
+                              "needs ndf \"beckmann\": other slopes have no variance to add to");
+    return true;
+}
+
+/* Mean and covariance with the sums of their terms' absolute values. */
+struct process {
+    double x, y, terms_x, terms_y;
+    facet_covariance c, terms;
+};
+
+static facet_covariance sum_of(const facet_covariance *a, const facet_covariance *b)
+{
+    return (facet_covariance){a->xx + b->xx, a->yy + b->yy, a->xy + b->xy};
+}
+
+static facet_covariance absolute(const facet_covariance *c)
+{
+    return (facet_covariance){c->xx, c->yy, fabs(c->xy)};
+}
+
+static void from_moments(const struct material *m, struct process *p)
+{
+    static const double identity[4] = {1, 0, 0, 1};
+    const double *e = m->moments.values;
+    const double *j = m->jacobian.values ? m->jacobian.values : identity;
+    const double beta = isnan(m->height_scale) ? 1 : m->height_scale;
+    const facet_moments moments = {e[0], e[1], e[2], e[3], e[4]};
+    const facet_covariance c = facet_covariance_from_moments(&moments);
+    *p = (struct process){.x = beta * (j[0] * e[0] + j[2] * e[1]),
+                          .y = beta * (j[1] * e[0] + j[3] * e[1]),
+                          .terms_x = fabs(beta) * (fabs(j[0] * e[0]) + fabs(j[2] * e[1])),
+                          .terms_y = fabs(beta) * (fabs(j[1] * e[0]) + fabs(j[3] * e[1]))};
+    p->c = facet_covariance_transform(&c, beta, j, &p->terms);
+}
+
+static void from_roughness(const facet_roughness *r, struct process *p)
+{
+    *p = (struct process){r->slope_x,
+                          r->slope_y,
+                          fabs(r->slope_x),
+                          fabs(r->slope_y),
+                          facet_covariance_from_roughness(r),
+                          {0, 0, 0}};
+    p->terms = absolute(&p->c);
+}
+
+static bool is_alpha(double alpha)
+{
+    return alpha >= FACET_ALPHA_MIN && alpha <= FACET_ALPHA_MAX;
+}
+
+/*
+ * Beckmann: alpha^2 = 2 variance (Dupuy 5.1), with what rounding did: an element of the
+ * covariance is off by less than `rounds` DBL_EPSILON of its terms, which moves the slopes that
+ * count by the same over the smaller eigenvalue, so by (S_xx C_yy + S_yy C_xx + 2 S_xy |C_xy|)/det.
+ */
+static bool set_roughness(const struct process *p, double rounds, const struct place *at,
+                          struct decoder *decoder, struct surface *surface)
+{
+    const facet_covariance *c = &p->c, *s = &p->terms;
+    const double det = fma(c->xx, c->yy, -c->xy * c->xy), gain = api_slope_gain(FACET_BECKMANN);
+    if (!(c->xx > 0 && c->yy > 0 && det > 0))
+        return api_problem_at(
+            decoder->problem, at,
+            "the covariance [[%.6g, %.6g], [%.6g, %.6g]] is not positive definite", c->xx, c->xy,
+            c->xy, c->yy);
+    facet_roughness *r = &surface->facet.roughness;
+    *r = (facet_roughness){sqrt(2 * c->xx), sqrt(2 * c->yy), c->xy / sqrt(c->xx * c->yy), p->x,
+                           p->y};
+    if (!is_alpha(r->alpha_x) || !is_alpha(r->alpha_y) || fabs(r->rho) > FACET_RHO_MAX)
+        return api_problem_at(decoder->problem, at,
+                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", r->alpha_x,
+                              r->alpha_y, r->rho);
+    if (fabs(p->x) > FACET_MEAN_SLOPE_MAX || fabs(p->y) > FACET_MEAN_SLOPE_MAX)
+        return api_problem_at(decoder->problem, at, "the mean slope [%.6g, %.6g] is out of range",
+                              p->x, p->y);
+    /* alpha: 1.5 roundings; rho: 4.5, which 1/kappa + 1/kappa^2 <= 2/(1 - rho^2) carries to
+     * slopes. */
+    surface->parameter_error += gain * 6 * DBL_EPSILON * (c->xx * c->yy / det);
+    if (rounds == 0) return true;
+    const double spread = (s->xx * c->yy + s->yy * c->xx + 2 * s->xy * fabs(c->xy)) / det;
+    const double minor = sqrt(2 * det / (c->xx + c->yy)); /* below the smaller alpha */
+    surface->parameter_error +=
+        gain * rounds * DBL_EPSILON * (spread + (p->terms_x + p->terms_y) / minor);
+    return true;
+}
+
+bool api_process_open(const struct material *m, const facet_roughness *base,
+                      const struct place *place, struct decoder *decoder, struct surface *surface)
+{
+    const struct place moments = {place, "moments", 0}, below = {place, "base", 0};
+    struct process p;
+    double rounds = 0;
+    if (m->moments.values) {
+        from_moments(m, &p);
+        if (m->jacobian.values || !isnan(m->height_scale)) rounds = 4;
+    } else {
+        from_roughness(&surface->facet.roughness, &p);
+    }
+    if (m->base) {
+        struct process b;
+        facet_roughness r = *base;
+        if (m->base->ndf == FACET_GGX) {
+            r.alpha_x *= FACET_BECKMANN_OF_GGX;
+            r.alpha_y *= FACET_BECKMANN_OF_GGX;
+            surface->note = "the GGX base enters as the Beckmann roughness nearest to it";
+        }
+        from_roughness(&r, &b);
+        p.c = sum_of(&p.c, &b.c);
+        p.terms = sum_of(&p.terms, &b.terms);
+        p.x += b.x;
+        p.y += b.y;
+        p.terms_x += b.terms_x;
+        p.terms_y += b.terms_y;
+        rounds += 4; /* a product of four factors, 2 roundings in a sum of two */
+    }
+    return set_roughness(&p, rounds, m->moments.values ? &moments : &below, decoder, surface);
+}
