@@ -1,5 +1,6 @@
 /* Fits of sources whose answer is known in closed form. */
 #include "check.h"
+#include "closed.h"
 #include "facet_fit.h"
 #include "fit_backscatter.h"
 #include "fit_pairs.h"
@@ -10,72 +11,14 @@
 
 #define PI 3.14159265358979323846
 
-/* ---- Closed-form sources: nothing shared with lib ------------------------------------- */
-
-struct closed {
-    facet_ndf ndf;
-    double alpha, f0[3];
-    bool hot_spot; /* masking only where wi and wo agree in azimuth, height-correlated elsewhere */
-};
-
-static double slope_density(const struct closed *s, double r)
-{
-    double x = r / s->alpha, a = 1 + x * x;
-    return (s->ndf == FACET_GGX ? 1 / (a * a) : exp(-x * x)) / (PI * s->alpha * s->alpha);
-}
-
-/* Smith's Lambda: sigma = cos (1 + Lambda) */
-static double lambda(const struct closed *s, double c)
-{
-    double v = c / sqrt((1 - c) * (1 + c)) / s->alpha;
-    if (c >= 1) return 0;
-    if (s->ndf == FACET_GGX) return (sqrt(1 + 1 / (v * v)) - 1) / 2;
-    return (exp(-v * v) / (v * sqrt(PI)) - erfc(v)) / 2;
-}
-
-static double closed_fr(const struct closed *s, const double i[3], const double o[3], double f0)
-{
-    double h[3] = {i[0] + o[0], i[1] + o[1], i[2] + o[2]};
-    double length = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]), cd = length / 2;
-    double ch = h[2] / length, r = hypot(h[0], h[1]) / h[2];
-    double d = slope_density(s, r) / (ch * ch * ch * ch);
-    double li = lambda(s, i[2]), lo = lambda(s, o[2]);
-    double g = 1 / (1 + li + lo);
-    if (s->hot_spot) {
-        double phi = atan2(i[1], i[0]) - atan2(o[1], o[0]);
-        phi = remainder(phi, 2 * PI);
-        double t = exp(-phi * phi * 16);
-        g = t / (1 + fmax(li, lo)) + (1 - t) * g;
-    }
-    double q = 1 - cd, f = f0 + (1 - f0) * q * q * q * q * q;
-    return f * d * g / (4 * i[2] * o[2]);
-}
-
-static facet_status evaluate_closed(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n,
-                                    double *const fr[3], bool *valid)
-{
-    const struct closed *s = user;
-    for (size_t k = 0; k < n; k++) {
-        double i[3] = {wi.x[k], wi.y[k], wi.z[k]}, o[3] = {wo.x[k], wo.y[k], wo.z[k]};
-        for (int c = 0; c < 3; c++) fr[c][k] = closed_fr(s, i, o, s->f0[c]);
-        valid[k] = true;
-    }
-    return FACET_OK;
-}
-
-static facet_fit_source source_of(const struct closed *closed)
-{
-    return (facet_fit_source){evaluate_closed, closed, INFINITY, false, NULL};
-}
-
 /* ---- Extraction ------------------------------------------------------------------------- */
 
 TEST(power_iteration_is_exact_at_the_nodes)
 {
     static const double alphas[] = {.01, .02, .05, .15};
     for (size_t k = 0; k < 4; k++) {
-        struct closed closed = {FACET_BECKMANN, alphas[k], {.7, .7, .7}, k % 2};
-        facet_fit_source source = source_of(&closed);
+        struct closed closed = {FACET_BECKMANN, alphas[k], {.7, .7, .7}, k % 2, 0, 0, 0};
+        facet_fit_source source = closed_source(&closed);
         facet_fit_convention convention = k % 2 ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED;
         struct fit_density density;
         double median, worst = 0, rms;
@@ -87,7 +30,7 @@ TEST(power_iteration_is_exact_at_the_nodes)
         }
         CHECK_REL(density.f0, .7, 1e-13, 0);
         for (size_t i = 0; i < density.count; i++) {
-            double p = slope_density(&closed, density.r[i]);
+            double p = closed_slope_density(&closed, density.r[i]);
             if (p * PI * alphas[k] * alphas[k] < 1e-4) continue;
             worst = fmax(worst, fabs(density.p[i] / p - 1));
         }
@@ -103,8 +46,8 @@ TEST(alpha_comes_back_from_the_slope_distribution)
     static const double alphas[] = {1e-3, .01, .1, .5, 1};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 10; k++) {
-            struct closed closed = {(facet_ndf)ndf, alphas[k / 2], {.9, .9, .9}, k % 2};
-            facet_fit_source source = source_of(&closed);
+            struct closed closed = {(facet_ndf)ndf, alphas[k / 2], {.9, .9, .9}, k % 2, 0, 0, 0};
+            facet_fit_source source = closed_source(&closed);
             facet_fit_convention convention = k % 2 ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED;
             struct fit_density density;
             double median, rms;
@@ -161,8 +104,8 @@ TEST(beckmann_backscatter_at_resolution_90)
 {
     static const double alphas[] = {.01, .02, .05, .15};
     for (size_t k = 0; k < 4; k++) {
-        struct closed closed = {FACET_BECKMANN, alphas[k], {.95, .64, .54}, false};
-        facet_fit_source source = source_of(&closed);
+        struct closed closed = {FACET_BECKMANN, alphas[k], {.95, .64, .54}, CLOSED_CORRELATED, 0, 0, 0};
+        facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
         CHECK_INT(fit.table_nodes, 91);
@@ -191,8 +134,8 @@ TEST(the_right_model_is_exact)
     static const double alphas[] = {.01, .1, .5, 1};
     for (size_t k = 0; k < 8; k++) {
         facet_ndf ndf = k < 4 ? FACET_GGX : FACET_BECKMANN;
-        struct closed closed = {ndf, alphas[k % 4], {.95, .64, .04}, false};
-        facet_fit_source source = source_of(&closed);
+        struct closed closed = {ndf, alphas[k % 4], {.95, .64, .04}, CLOSED_CORRELATED, 0, 0, 0};
+        facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
         const facet_fit_candidate *right = find(&fit, ndf, FACET_FRESNEL_SCHLICK, false),
@@ -228,8 +171,8 @@ TEST(hot_spot_is_recognised)
     static const double alphas[] = {.3, .6, 1};
     for (size_t k = 0; k < 6; k++) {
         struct closed closed = {
-            k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, true};
-        facet_fit_source source = source_of(&closed);
+            k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, CLOSED_HOT_SPOT, 0, 0, 0};
+        facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
         /* Beckmann at .3 masks nothing down to 1e-4 of its peak: nobody could tell */
@@ -246,8 +189,8 @@ TEST(hot_spot_is_recognised)
 TEST(fresnel_is_the_least_squares)
 {
     enum { GROUPS = 6 };
-    struct closed closed = {FACET_GGX, .3, {.6, .5, .2}, true};
-    facet_fit_source source = source_of(&closed);
+    struct closed closed = {FACET_GGX, .3, {.6, .5, .2}, CLOSED_HOT_SPOT, 0, 0, 0};
+    facet_fit_source source = closed_source(&closed);
     double theta_h[] = {0, .05, .1, .2, .4, .8}, theta_d[GROUPS] = {0, .3, .6, .9, 1.2, 1.5};
     struct fit_grid grid = {theta_h, theta_d, 6, GROUPS, 3, 1, NULL, NULL};
     static const double none[3] = {0, 0, 0};
@@ -274,8 +217,8 @@ TEST(fresnel_is_the_least_squares)
 /* rms_log again, from the definition in facet_fit.h. */
 TEST(stated_error_is_the_error)
 {
-    struct closed closed = {FACET_GGX, .3, {.9, .5, .2}, true};
-    facet_fit_source source = source_of(&closed);
+    struct closed closed = {FACET_GGX, .3, {.9, .5, .2}, CLOSED_HOT_SPOT, 0, 0, 0};
+    facet_fit_source source = closed_source(&closed);
     facet_fit fit;
     CHECK_INT(fit_isotropic(&source, 40, &fit), FACET_OK);
     for (size_t k = 0; k < fit.count; k += 2) {
@@ -345,8 +288,8 @@ static bool countdown(void *user)
 
 TEST(arguments_and_cancellation)
 {
-    struct closed closed = {FACET_GGX, .3, {1, 1, 1}, false};
-    facet_fit_source source = source_of(&closed);
+    struct closed closed = {FACET_GGX, .3, {1, 1, 1}, CLOSED_CORRELATED, 0, 0, 0};
+    facet_fit_source source = closed_source(&closed);
     facet_fit fit;
     CHECK_INT(fit_isotropic(&source, FACET_FIT_RESOLUTION_MIN - 1, &fit), FACET_BAD_SIZE);
     CHECK_INT(fit_isotropic(&source, FACET_FIT_RESOLUTION_MAX + 1, &fit), FACET_BAD_SIZE);
