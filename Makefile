@@ -101,6 +101,22 @@ $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lcurl -ljansson -lz -lpthread -lm
 clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
 
+# ---- fuzz targets: make fuzzers VARIANT=fuzz, make fuzz ----------------------------------
+FUZZERS := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/fuzz/fuzz_*.c))
+$(FUZZERS): %: %.o $(B)/libapi.a $(B)/libfacet.a
+	$(CC) -fsanitize=fuzzer $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+fuzzers: $(FUZZERS)
+RUNS ?= 1000000
+fuzz: ## every reader of measurements, RUNS (1e6) inputs each, with sanitizers
+	@$(MAKE) -s --no-print-directory fuzzers VARIANT=fuzz
+	@tests/fuzz/run.sh build/fuzz $(RUNS)
+
+# ---- the committed table of fits ----------------------------------------------------------
+$(B)/tests/fits/table: %: %.o $(B)/tests/fits/sources.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+fit-table: $(B)/tests/fits/table ## fits all of shared data and rewrites tests/fits/TABLE.md (minutes)
+	$< table | grep -v '^ok ' > $(B)/TABLE.md && mv $(B)/TABLE.md tests/fits/TABLE.md
+
 # The quad-precision reference: always gcc (clang has no quadmath.h), never instrumented (it is slow enough).
 REFERENCE_O := $(patsubst %.c,$(B)/%.o,$(wildcard tests/accuracy/reference*.c))
 $(REFERENCE_O): $(B)/%.o: %.c Makefile
@@ -198,6 +214,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all openapi clients fuzzers fuzz fit-table check check-layers check-vectorised clean run test demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -264,9 +264,12 @@ static bool list_candidates(struct call *call, const facet_fit *fit, struct list
 
 /* ---- Choice --------------------------------------------------------------------------------------- */
 
-/* Beyond these a surface is not made of the facets fitted to it. */
-#define RMS_MAX 0.7       /* a factor of 2 in the rms over all directions */
-#define HOT_SPOT_MAX 1.1  /* a factor of 3 in the mean of the backscatter */
+/*
+ * Beyond these a surface is not made of the facets fitted to it.  Of the 100 materials of MERL the
+ * worst is met to 0.48, of two measured retro-reflectors the better to 0.71.
+ */
+#define RMS_MAX 0.6      /* a factor of 1.8 in the rms over all directions */
+#define HOT_SPOT_MAX 1.1 /* a factor of 3 in the mean of the backscatter */
 
 static const facet_fit_candidate *best_of(const facet_fit *fit)
 {

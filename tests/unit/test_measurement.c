@@ -438,3 +438,72 @@ TEST(samples_of_json)
     answer_clear(&answer);
     free(body);
 }
+
+/* ---- No microfacet surface ------------------------------------------------------------------------ */
+
+/* f_r of wi and wo in degrees apart: a retro-reflector, noise, a lamp. */
+static struct answer fit_absurd(int kind)
+{
+    enum { N = 2000 };
+    char *text = malloc(N * 160), *at = text;
+    unsigned state = 5;
+    for (int k = 0; k < N; k++) {
+        double ti = 1.3 * fraction(&state), pi = 6 * fraction(&state), i[3], o[3];
+        double to = k % 2 ? fmin(1.4, fabs(ti + .1 * (fraction(&state) - .5))) : 1.3 * fraction(&state);
+        double po = k % 2 ? pi + .1 * (fraction(&state) - .5) : 6 * fraction(&state);
+        direction(ti, pi, i);
+        direction(to, po, o);
+        double apart = acos(fmin(1, i[0] * o[0] + i[1] * o[1] + i[2] * o[2]));
+        double fr = kind == 0   ? 30 * exp(-apart * apart / .005) + .05
+                    : kind == 1 ? exp(8 * (fraction(&state) - .5))
+                                : 1e6;
+        at += sprintf(at, "%.12g,%.12g,%.12g,%.12g,%g,%g,%g\n", ti, pi, to, po, fr, fr, fr);
+    }
+    struct answer answer = post(NULL, "text/csv", text, strlen(text));
+    free(text);
+    return answer;
+}
+
+TEST(what_is_no_microfacet_surface_is_not_fitted)
+{
+    for (int kind = 0; kind < 3; kind++) {
+        struct answer answer = fit_absurd(kind);
+        CHECK_INT(answer.response.status, 200);
+        CHECK(json_is_false(json_object_get(answer.json, "fits")));
+        CHECK(!json_object_get(answer.json, "material"));
+        CHECK(answer_text(&answer, "fits_why") != NULL);
+        CHECK(number_of(&answer, "error", "rms_log") > .3);
+        check_note("rms_log", number_of(&answer, "error", "rms_log"));
+        answer_clear(&answer);
+    }
+}
+
+/* alta/retro-*.dat: theta_l, theta_v (cos, sin) dphi, f_r, here with cos theta_v in one of them. */
+TEST(measured_retro_reflectors)
+{
+    static const char *const names[] = {"brdf/alta/retro-3M-jaune.dat", "brdf/alta/retro-gray-tape.dat"};
+    for (int k = 0; k < 2; k++) {
+        const char *path = check_data(names[k]);
+        FILE *file = path ? fopen(path, "r") : NULL;
+        char line[400], *text = malloc(1 << 20), *at = text;
+        double tl, a, b, fr;
+        if (!file) {
+            free(text);
+            check_skip("no shared data");
+            return;
+        }
+        while (fgets(line, sizeof line, file)) {
+            if (*line == '#' || sscanf(line, "%lf %lf %lf %lf", &tl, &a, &b, &fr) != 4) continue;
+            double tv = hypot(a, b);
+            if (tv > 1.55 || tl > 1.55) continue;
+            if (k == 0) fr /= cos(tv);
+            at += sprintf(at, "%.9g,0,%.9g,%.9g,%.9g,%.9g,%.9g\n", tl, tv, atan2(b, a), fr, fr, fr);
+        }
+        fclose(file);
+        struct answer answer = post(NULL, "text/csv", text, strlen(text));
+        CHECK(json_is_false(json_object_get(answer.json, "fits")));
+        check_note("rms_log", number_of(&answer, "error", "rms_log"));
+        answer_clear(&answer);
+        free(text);
+    }
+}
