@@ -93,13 +93,14 @@ static const struct field export_fields[] = {
 #define A(member) MEMBER(struct fit_response, member)
 
 const struct field api_fit_response_fields[] = {
-    {A(fits), FIELD_BOOL, FIELD_MUST,
-     .doc = "false: no microfacet surface looks like this; then there is no material"},
-    {A(fits_why), FIELD_TEXT, .doc = "why it does not fit"},
     {A(material), FIELD_OPTION, .fields = api_material_fields, .size = sizeof(struct material),
      .doc = "the chosen material, as /v1/eval takes it"},
     {A(error), FIELD_OBJECT, FIELD_MUST, .fields = error_fields,
      .doc = "of the chosen material against the source; of the best one where nothing fits"},
+    {A(fits), FIELD_BOOL, FIELD_MUST,
+     .doc = "false: no candidate comes close; then there is a material only if its model was asked "
+            "for by name"},
+    {A(fits_why), FIELD_TEXT, .doc = "why it does not fit"},
     {A(candidates), FIELD_LIST, FIELD_MUST, .fields = candidate_fields,
      .size = sizeof(struct fit_candidate),
      .doc = "those that no smaller candidate equals in rms_log, by growing size"},
@@ -292,15 +293,16 @@ static const facet_fit_candidate *smallest(const facet_fit *fit, double toleranc
 }
 
 /* Empty: it fits. */
-static void judge(const facet_fit *fit, char *why, size_t room)
+static void judge(const facet_fit *fit, const char *asked, char *why, size_t room)
 {
     double rms = best_of(fit)->error.rms_log;
     why[0] = 0;
     if (rms > RMS_MAX)
         snprintf(why, room,
-                 "the closest of %zu candidates is off by rms_log %.3g, %.3g is the most that is "
-                 "called a fit: no microfacet surface looks like this",
-                 fit->count, rms, RMS_MAX);
+                 "the closest of %zu %s%scandidates is off by rms_log %.3g, %.3g is the most that is "
+                 "called a fit: %s",
+                 fit->count, asked, *asked ? " " : "", rms, RMS_MAX,
+                 *asked ? "try model auto" : "no microfacet surface looks like this");
     else if (fit->hot_spot > HOT_SPOT_MAX)
         snprintf(why, room,
                  "light that comes back where it came from is %.3g times that of the closest "
@@ -329,9 +331,11 @@ bool api_fit_answer(struct call *call, const facet_fit *fit, double tolerance, c
     out->pairs = (int64_t)fit->pairs;
     out->epsilon = FACET_FIT_EPSILON;
     if (!list_candidates(call, fit, &out->candidates)) return false;
-    judge(fit, why, sizeof why);
-    if (*why) return refuse(call, fit, why);
-    out->fits = true;
+    judge(fit, asked, why, sizeof why);
+    if (*why && !*asked) return refuse(call, fit, why);
+    out->fits = !*why;
+    if (*why && !(out->fits_why = api_arena_text(call->arena, why, strlen(why))))
+        return api_problem_memory(call->problem);
     const facet_fit_candidate *c = *chosen = smallest(fit, tolerance, &meets);
     const char *space = *asked ? " " : "";
     if (meets)
