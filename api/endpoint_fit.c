@@ -46,9 +46,10 @@ static const struct field request_fields[] = {
      .doc = "auto: also with a diffuse part, where that helps"},
     {Q(masking), FIELD_ENUM, FIELD_DEFAULT, .names = masking_names,
      .doc = "masking of the fitted material"},
-    {Q(resolution), FIELD_INTEGER, FIELD_DEFAULT, .min = FACET_FIT_RESOLUTION_MIN,
-     .max = FACET_FIT_RESOLUTION_MAX, .initial = FACET_FIT_RESOLUTION,
-     .doc = "intervals of a tabulated slope distribution"},
+    {Q(resolution), FIELD_INTEGER, .min = FACET_FIT_RESOLUTION_MIN,
+     .max = FACET_FIT_RESOLUTION_MAX,
+     .doc = "intervals of a tabulated slope distribution, and a Fresnel table at every degree; "
+            "absent: 90, or tables of a fraction of the nodes where those meet the tolerance"},
     {Q(tolerance), FIELD_NUMBER, FIELD_DEFAULT, .min = 1e-9, .max = 10,
      .initial = FACET_FIT_TOLERANCE, .doc = "the rms_log accepted"},
     {Q(format), FIELD_ENUM, .names = api_format_names,
@@ -125,7 +126,9 @@ static bool choose_options(struct call *call, const struct measurement *m,
         return api_problem_at(call->problem, &model,
                               "\"tabulated\" needs backscatter at every angle, which samples are not");
     *options = (facet_fit_options){.masking = masking_of[in->masking],
-                                   .resolution = (size_t)in->resolution,
+                                   .resolution = in->resolution < 0 ? FACET_FIT_RESOLUTION
+                                                                    : (size_t)in->resolution,
+                                   .compact = in->resolution < 0,
                                    .models = models_of[in->model],
                                    .anisotropic =
                                        in->anisotropic != ASK_FALSE && m->source.anisotropic,
@@ -211,6 +214,7 @@ const struct endpoint api_endpoint_fit = {
     .bodies = api_measurement_media,
     .answers = answers,
     .is_long = true,
-    .example = "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":0.15},\"model\":\"tabulated\"}",
+    .example = "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":0.15},\"model\":\"tabulated\","
+               "\"diffuse\":false,\"resolution\":24}",
     .handle = handle,
 };

@@ -50,6 +50,8 @@ static const struct field candidate_fields[] = {
     {C(rho), FIELD_NUMBER, .doc = "correlation of the slopes"},
     {C(f0), FIELD_NUMBERS, .doc = "of a Schlick term: one or three"},
     {C(kd), FIELD_NUMBERS, .doc = "diffuse part: one or three"},
+    {C(nodes), FIELD_INTEGER, .doc = "of its Fresnel table"},
+    {C(slopes), FIELD_INTEGER, .doc = "nodes of its slope table"},
     {C(bytes), FIELD_INTEGER, FIELD_MUST, .doc = "size of its numbers as float64"},
     {C(error), FIELD_OBJECT, FIELD_MUST, .fields = error_fields, .doc = "against the source"},
     {C(ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
@@ -154,12 +156,12 @@ static bool describe_fresnel(struct call *call, const facet_fresnel *from, struc
 static bool describe_slopes(struct call *call, const facet_fit *fit,
                             const facet_fit_candidate *from, struct material *to)
 {
-    const double *log_d = fit->table_log_d[from->has_diffuse];
-    double *copy = api_arena_doubles(call->arena, fit->table_nodes);
+    size_t n = from->log_d_nodes;
+    double *copy = api_arena_doubles(call->arena, n);
     to->slopes = api_arena_array(call->arena, 1, sizeof *to->slopes);
     if (!copy || !to->slopes) return api_problem_memory(call->problem);
-    memcpy(copy, log_d, fit->table_nodes * sizeof *copy);
-    *to->slopes = (struct slopes){fit->table_scale, {fit->table_nodes, copy}};
+    memcpy(copy, from->log_d, n * sizeof *copy);
+    *to->slopes = (struct slopes){fit->table_scale, {n, copy}};
     return true;
 }
 
@@ -241,6 +243,8 @@ static bool describe_candidate(struct call *call, const facet_fit_candidate *fro
     } else if (m->ndf != FACET_TABULATED) {
         to->alpha = r->alpha_x;
     }
+    if (is_table(m)) to->nodes = (int64_t)m->fresnel.count;
+    if (m->ndf == FACET_TABULATED) to->slopes = (int64_t)from->log_d_nodes;
     if (!is_table(m) && !copy_numbers(call, m->fresnel.f0, channels, &to->f0)) return false;
     if (from->has_diffuse && !copy_numbers(call, from->diffuse, channels, &to->kd)) return false;
     return describe_error(call, &from->error, &to->error) && measure(call, m, &to->ns_per_eval);

@@ -75,6 +75,9 @@ typedef struct facet_fit_candidate {
     facet_material material;
     bool anisotropic, has_diffuse;
     double diffuse[3]; /* kd: f_r = (1 - kd) f_specular + kd/pi */
+    /* TABULATED: what facet_slope_table_create took with facet_fit.table_scale */
+    const double *log_d;
+    size_t log_d_nodes;
     size_t bytes;      /* of the numbers that describe it, as float64 */
     facet_fit_error error;
 } facet_fit_candidate;
@@ -99,23 +102,23 @@ typedef struct facet_fit_options {
     unsigned models;       /* facet_fit_models */
     bool anisotropic;      /* alpha_x, alpha_y, rho; only from an anisotropic source or samples */
     bool diffuse;          /* also with a diffuse part */
+    bool compact;          /* also with fewer nodes in every table: FACET_FIT_COMPACT intervals of
+                              slopes, a sixth of the Fresnel nodes */
 } facet_fit_options;
 
 /*
  * GGX and Beckmann with Schlick and with a Fresnel table, tabulated with a table, each
- * without and with a diffuse part; where it is anisotropic, the first two also isotropic.
+ * without and with a diffuse part; where it is anisotropic, the first two also isotropic;
+ * those with tables also compact.
  */
-enum { FACET_FIT_CANDIDATES_MAX = 18 };
+enum { FACET_FIT_CANDIDATES_MAX = 28, FACET_FIT_COMPACT = 24 };
 
 typedef struct facet_fit {
     size_t count; /* by growing size */
     facet_fit_candidate candidate[FACET_FIT_CANDIDATES_MAX];
     facet_fit_convention convention;
     bool has_convention;  /* false where it means nothing: samples, other masking than SMITH */
-    /* What facet_slope_table_create took: [1] is that of the candidate with a diffuse part. */
-    double table_scale; /* tan theta at u = 1/2 */
-    const double *table_log_d[2];
-    size_t table_nodes; /* resolution + 1 */
+    double table_scale;   /* of the slope tables: tan theta at u = 1/2 */
     size_t pairs;       /* that the errors were taken over */
     double flat_rms;    /* rms_log of the best Lambertian surface: what a fit must explain */
     double hot_spot;    /* mean log of backscatter over the best candidate's, from 15 to 70 degrees

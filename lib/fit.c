@@ -210,7 +210,7 @@ static bool options_are_valid(const facet_fit_options *o, const facet_fit_source
 facet_status facet_fit_create(const facet_fit_source *source, const facet_fit_options *options,
                               const facet_watch *watch, facet_fit *fit)
 {
-    *fit = (facet_fit){.table_nodes = options->resolution + 1, .hot_spot = NAN};
+    *fit = (facet_fit){.hot_spot = NAN};
     if (options->resolution < FACET_FIT_RESOLUTION_MIN ||
         options->resolution > FACET_FIT_RESOLUTION_MAX)
         return FACET_BAD_SIZE;
@@ -221,12 +221,13 @@ facet_status facet_fit_create(const facet_fit_source *source, const facet_fit_op
                           .options = options,
                           .watch = watch,
                           .fit = fit,
+                          .nodes = options->resolution + 1,
                           .anisotropic = options->anisotropic,
                           .best_cost = HUGE_VAL,
                           .diffuse_cost = HUGE_VAL,
                           .plain_cost = HUGE_VAL};
     for (size_t c = 0; c < 3; c++) work->value[c] = work->values[c];
-    work->owned = calloc(1, sizeof *work->owned + 2 * fit->table_nodes * sizeof(double));
+    work->owned = calloc(1, sizeof *work->owned + 2 * work->nodes * sizeof(double));
     fit->owned = work->owned;
     work->status = fit->owned ? FACET_OK : FACET_NO_MEMORY;
     if (work->status == FACET_OK) run(work);
@@ -247,8 +248,10 @@ void facet_fit_clear(facet_fit *fit)
 {
     struct fit_owned *owned = fit->owned;
     if (owned) {
-        facet_slope_table_destroy(owned->table[0]);
-        facet_slope_table_destroy(owned->table[1]);
+        for (int k = 0; k < 2; k++) {
+            facet_slope_table_destroy(owned->table[k]);
+            facet_slope_table_destroy(owned->compact_table[k]);
+        }
     }
     free(owned);
     *fit = (facet_fit){0};

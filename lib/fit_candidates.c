@@ -2,11 +2,15 @@
 #include "fit_work.h"
 
 #include "fit_polish.h"
+#include "slope_table.h"
 
 #include <math.h>
 #include <string.h>
 
 #define PI 3.14159265358979323846
+
+/* What a slope table takes as log 0, and JSON can carry. */
+#define LOG_D_LEAST (-1000.0)
 
 /* A roughness of its own is worth it where it leaves so little of the loss. */
 #define FREE_GAIN 1e-3
@@ -37,27 +41,87 @@ static void store_fresnel(const struct fit_work *work, size_t which, double *con
     }
 }
 
-static size_t numbers_of(const struct fit_work *work, const facet_fit_candidate *candidate)
+static size_t numbers_of(const facet_fit_candidate *candidate)
 {
     const facet_material *m = &candidate->material;
     size_t channels = m->fresnel.channels, numbers = channels;
     if (m->fresnel.kind == FACET_FRESNEL_TABLE) numbers = m->fresnel.count * (1 + channels);
     if (candidate->has_diffuse) numbers += channels;
-    if (m->ndf == FACET_TABULATED) numbers += work->fit->table_nodes + 1; /* and its scale */
+    if (m->ndf == FACET_TABULATED) numbers += candidate->log_d_nodes + 1; /* and its scale */
     if (m->ndf != FACET_TABULATED || candidate->anisotropic)
         numbers += candidate->anisotropic ? 3 : 1;
     return numbers;
 }
 
+static void finish_candidate(struct fit_work *work, facet_fit_candidate *candidate)
+{
+    candidate->bytes = numbers_of(candidate) * sizeof(double);
+    work->status = facet_fit_error_of(&work->errors, &work->backscatter, candidate);
+    if (work->status == FACET_OK) work->fit->count++;
+}
+
+/* Every sixth node of a Fresnel table, both ends among them. */
+static void thin_fresnel(struct fit_work *work, size_t which, facet_fresnel *fresnel)
+{
+    enum { STRIDE = 6 };
+    struct fit_owned *owned = work->owned;
+    size_t n = 0, last = fresnel->count - 1;
+    for (size_t i = 0; i <= last; i = i < last && i + STRIDE > last ? last : i + STRIDE) {
+        owned->compact_cos[n] = fresnel->cos_theta_d[i];
+        for (size_t c = 0; c < fresnel->channels; c++)
+            owned->compact_fresnel[which][c][n] = fresnel->values[c][i];
+        n++;
+    }
+    fresnel->count = n;
+    fresnel->cos_theta_d = owned->compact_cos;
+    for (size_t c = 0; c < fresnel->channels; c++)
+        fresnel->values[c] = owned->compact_fresnel[which][c];
+}
+
+/* The slopes at FACET_FIT_COMPACT + 1 nodes of the same scale; false where that is no thinning. */
+static bool thin_slopes(struct fit_work *work, facet_fit_candidate *candidate)
+{
+    struct fit_owned *owned = work->owned;
+    bool k = candidate->has_diffuse;
+    double *log_d = owned->compact_log_d[k], scale = work->fit->table_scale;
+    if (work->nodes <= FACET_FIT_COMPACT + 1) return false;
+    for (size_t i = 0; i <= FACET_FIT_COMPACT; i++) {
+        double u = (double)i / FACET_FIT_COMPACT, r = fmin(scale * u / (1 - u), 1e12);
+        log_d[i] = i == FACET_FIT_COMPACT
+                       ? candidate->log_d[candidate->log_d_nodes - 1]
+                       : fmax(facet_slope_table_log_d(owned->table[k], r), LOG_D_LEAST);
+    }
+    work->status =
+        facet_slope_table_create(scale, log_d, FACET_FIT_COMPACT + 1, &owned->compact_table[k]);
+    if (work->status == FACET_BAD_TABLE) {
+        work->status = FACET_OK;
+        return false;
+    }
+    candidate->log_d = log_d;
+    candidate->log_d_nodes = FACET_FIT_COMPACT + 1;
+    candidate->material.table = owned->compact_table[k];
+    return work->status == FACET_OK;
+}
+
+/* The same candidate with fewer nodes in its tables. */
+static void add_compact(struct fit_work *work, const facet_fit_candidate *full, size_t which)
+{
+    facet_fit_candidate *candidate = &work->fit->candidate[work->fit->count];
+    *candidate = *full;
+    thin_fresnel(work, which, &candidate->material.fresnel);
+    if (full->material.ndf == FACET_TABULATED && !thin_slopes(work, candidate)) return;
+    finish_candidate(work, candidate);
+}
+
 static void add_candidate(struct fit_work *work, const struct fit_model *model)
 {
     facet_fit_candidate *candidate = &work->fit->candidate[work->fit->count];
+    size_t which = 4 * (size_t)model->ndf + 2 * model->anisotropic + model->has_diffuse;
     candidate->material = facet_fit_model_material(model);
     candidate->has_diffuse = model->has_diffuse;
     candidate->anisotropic = model->anisotropic;
     facet_fresnel *fresnel = &candidate->material.fresnel;
     if (model->has_table) {
-        size_t which = 4 * (size_t)model->ndf + 2 * model->anisotropic + model->has_diffuse;
         store_fresnel(work, which, model->value, fresnel);
     } else {
         fresnel->kind = FACET_FRESNEL_SCHLICK;
@@ -66,9 +130,13 @@ static void add_candidate(struct fit_work *work, const struct fit_model *model)
     }
     for (size_t c = 0; c < 3; c++)
         candidate->diffuse[c] = model->has_diffuse ? model->kd[c < work->pairs.channels ? c : 0] : 0;
-    candidate->bytes = numbers_of(work, candidate) * sizeof(double);
-    work->status = facet_fit_error_of(&work->errors, &work->backscatter, candidate);
-    if (work->status == FACET_OK) work->fit->count++;
+    if (model->ndf == FACET_TABULATED) {
+        candidate->log_d = work->owned->log_d + model->has_diffuse * work->nodes;
+        candidate->log_d_nodes = work->nodes;
+    }
+    finish_candidate(work, candidate);
+    if (work->status == FACET_OK && model->has_table && work->options->compact)
+        add_compact(work, candidate, which);
 }
 
 /* ---- Parametric models ---------------------------------------------------------------------- */
@@ -148,7 +216,7 @@ static void set_start(struct fit_work *work, struct fit_model *model, double *lo
  */
 static void solve_parametric(struct fit_work *work, struct fit_model *model, double *cost)
 {
-    enum { STEPS = 40 };
+    enum { STEPS = 20 };
     const facet_fit *fit = work->fit;
     double log_alpha[8], free_cost;
     size_t n;
@@ -240,8 +308,8 @@ static void add_tabulated(struct fit_work *work, bool diffuse)
     if (!facet_fit_fresnel_table(&work->pairs, model.kd, work->value)) return;
     if (!work->anisotropic)
         work->status = facet_fit_polish(&work->pairs, &model, fit->table_scale,
-                                        work->owned->log_d + diffuse * fit->table_nodes,
-                                        fit->table_nodes, &work->owned->table[diffuse], work->watch);
+                                        work->owned->log_d + diffuse * work->nodes,
+                                        work->nodes, &work->owned->table[diffuse], work->watch);
     if (!facet_fit_cancelled(work)) add_candidate(work, &model);
 }
 

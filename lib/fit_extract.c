@@ -28,9 +28,9 @@ static facet_material tabulated(const struct fit_work *work, const facet_slope_t
     return material;
 }
 
-static size_t quadrature(const facet_fit *fit)
+static size_t quadrature(const struct fit_work *work)
 {
-    size_t n = fit->table_nodes - 1;
+    size_t n = work->nodes - 1;
     return n > QUADRATURE_MIN ? n : QUADRATURE_MIN;
 }
 
@@ -43,14 +43,14 @@ static facet_status solve(struct fit_work *work, facet_fit_convention convention
     facet_masking masking = work->options->masking;
     struct fit_density *density = &work->density[convention];
     facet_status status = facet_fit_density_create(work->source, masking, convention,
-                                                   fit->table_scale, quadrature(fit), density);
+                                                   fit->table_scale, quadrature(work), density);
     if (status != FACET_OK) return status;
     for (int ndf = 0; ndf < 2; ndf++)
         facet_fit_alpha(density, (facet_ndf)ndf, &work->pure[convention][ndf]);
-    status = facet_fit_density_table(work->source, masking, convention, density, fit->table_nodes,
+    status = facet_fit_density_table(work->source, masking, convention, density, work->nodes,
                                      log_d);
     if (status != FACET_OK) return status;
-    status = facet_slope_table_create(fit->table_scale, log_d, fit->table_nodes, table);
+    status = facet_slope_table_create(fit->table_scale, log_d, work->nodes, table);
     if (status != FACET_OK) return status == FACET_BAD_TABLE ? FACET_BAD_DATA : status;
     facet_material material = tabulated(work, *table);
     status = facet_fit_pairs_model(&work->pairs, &material, work->pairs.model);
@@ -83,7 +83,7 @@ static facet_fit_convention decide(const struct fit_work *work, const double res
 facet_status facet_fit_choose_convention(struct fit_work *work)
 {
     facet_fit *fit = work->fit;
-    size_t n = fit->table_nodes;
+    size_t n = work->nodes;
     double residual[FACET_FIT_CONVENTION_COUNT];
     double *log_d[2] = {work->owned->log_d, work->owned->log_d + n};
     facet_slope_table *table[FACET_FIT_CONVENTION_COUNT] = {NULL, NULL};
@@ -96,7 +96,6 @@ facet_status facet_fit_choose_convention(struct fit_work *work)
     if (status == FACET_OK) {
         if (fit->has_convention) fit->convention = decide(work, residual);
         if (fit->convention == 1) memcpy(log_d[0], log_d[1], n * sizeof *log_d[0]);
-        fit->table_log_d[0] = log_d[0];
         work->owned->table[0] = table[fit->convention];
         table[fit->convention] = NULL;
     }
@@ -146,7 +145,7 @@ facet_status facet_fit_extract_diffuse(struct fit_work *work)
 {
     facet_fit *fit = work->fit;
     const struct fit_model *d = &work->diffuse;
-    double scale[3], *log_d = work->owned->log_d + fit->table_nodes;
+    double scale[3], *log_d = work->owned->log_d + work->nodes;
     struct less_diffuse less = {work->source, d->kd, facet_fit_model_material(d), scale};
     for (size_t c = 0; c < 3; c++) scale[c] = (1 - d->kd[c]) * d->f0[c];
     facet_fit_source source = *work->source;
@@ -158,15 +157,14 @@ facet_status facet_fit_extract_diffuse(struct fit_work *work)
     facet_status status = facet_fit_median_slope(&source, &median);
     if (status != FACET_OK) return status;
     status = facet_fit_density_create(&source, masking, fit->convention, fit->table_scale,
-                                      quadrature(fit), &density);
+                                      quadrature(work), &density);
     if (status != FACET_OK) return status;
-    status = facet_fit_density_table(&source, masking, fit->convention, &density, fit->table_nodes,
+    status = facet_fit_density_table(&source, masking, fit->convention, &density, work->nodes,
                                      log_d);
     facet_fit_density_clear(&density);
     if (status == FACET_OK)
-        status = facet_slope_table_create(fit->table_scale, log_d, fit->table_nodes,
+        status = facet_slope_table_create(fit->table_scale, log_d, work->nodes,
                                           &work->owned->table[1]);
-    fit->table_log_d[1] = log_d;
     return status;
 }
 
@@ -193,10 +191,9 @@ void facet_fit_tabulate_turned(struct fit_work *work)
     fit->table_scale = FIT_SCALE_PER_MEDIAN; /* slopes are now in units of alpha */
     work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention,
                                         &work->turn, &work->roughness, fit->table_scale,
-                                        fit->table_nodes, log_d);
+                                        work->nodes, log_d);
     if (facet_fit_cancelled(work)) return;
-    work->status = facet_slope_table_create(fit->table_scale, log_d, fit->table_nodes,
+    work->status = facet_slope_table_create(fit->table_scale, log_d, work->nodes,
                                             &work->owned->table[0]);
     if (work->status == FACET_BAD_TABLE) work->status = FACET_BAD_DATA;
-    fit->table_log_d[0] = log_d;
 }

@@ -27,9 +27,11 @@ enum { FRESNEL_NODES = FIT_DIFFERENCES + 1 };
 enum { FRESNEL_TABLES = 4 * FACET_NDF_COUNT };
 
 struct fit_owned {
-    facet_slope_table *table[2];
+    facet_slope_table *table[2], *compact_table[2]; /* without and with a diffuse part */
     double cos_theta_d[FRESNEL_NODES], fresnel[FRESNEL_TABLES][3][FRESNEL_NODES];
-    double log_d[];
+    double compact_cos[FRESNEL_NODES], compact_fresnel[FRESNEL_TABLES][3][FRESNEL_NODES];
+    double compact_log_d[2][FACET_FIT_COMPACT + 1];
+    double log_d[]; /* twice nodes */
 };
 
 struct fit_work {
@@ -38,6 +40,7 @@ struct fit_work {
     const facet_watch *watch;
     facet_fit *fit;
     struct fit_owned *owned;
+    size_t nodes; /* of a slope table */
     struct fit_pairs pairs, thin, errors, backscatter;
     struct fit_density density[FACET_FIT_CONVENTION_COUNT];
     double pure[FACET_FIT_CONVENTION_COUNT][2]; /* rms of log P about GGX, Beckmann */

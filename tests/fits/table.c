@@ -111,7 +111,7 @@ static const char *name_of(const facet_fit_candidate *c)
 
 static void row(const char *name, const facet_fit_source *source, struct tally *tally)
 {
-    facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_ALL, false, true};
+    facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_ALL, false, true, true};
     facet_fit fit;
     double start = ms(), ggx = INFINITY;
     facet_status status = facet_fit_create(source, &options, NULL, &fit);

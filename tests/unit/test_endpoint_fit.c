@@ -224,7 +224,7 @@ TEST(auto_takes_the_smallest_that_meets_the_tolerance)
             double size = number_at(candidate, "bytes", NULL),
                    error = number_at(candidate, "error", "rms_log");
             bool same = !strcmp(text_at(candidate, "model", NULL), model) &&
-                        !strcmp(text_at(candidate, "fresnel", NULL), fresnel);
+                        !strcmp(text_at(candidate, "fresnel", NULL), fresnel) && error == rms;
             CHECK(number_at(candidate, "ns_per_eval", NULL) > 0);
             if (same) {
                 found++;

@@ -94,7 +94,7 @@ TEST(slope_distribution_everywhere)
 static double fitted_alpha(const struct closed *closed, facet_fit_convention *convention)
 {
     facet_fit_source source = closed_source(closed);
-    facet_fit_options options = {FACET_SMITH, 90, 1u << closed->ndf, false, false};
+    facet_fit_options options = {FACET_SMITH, 90, 1u << closed->ndf, false, false, false};
     facet_fit fit;
     if (facet_fit_create(&source, &options, NULL, &fit) != FACET_OK) return NAN;
     double alpha = fit.candidate[0].material.roughness.alpha_x;
@@ -152,7 +152,7 @@ TEST(fresnel_table_to_84_degrees)
         for (size_t k = 0; k < 3; k++) {
             struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .3, .04}, CLOSED_CORRELATED, 0, 0, 0};
             facet_fit_source source = closed_source(&closed);
-            facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_TABULATED, false, false};
+            facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_TABULATED, false, false, false};
             facet_fit fit;
             CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
             const facet_fresnel *f = &fit.candidate[0].material.fresnel;
@@ -193,7 +193,7 @@ TEST(anisotropic_roughness)
             facet_brdf *brdf;
             CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
             facet_fit_source source = {evaluate_brdf, brdf, INFINITY, true, NULL};
-            facet_fit_options options = {FACET_SMITH, 90, 1u << ndf, true, false};
+            facet_fit_options options = {FACET_SMITH, 90, 1u << ndf, true, false, false};
             facet_fit fit;
             double start = ms();
             CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
