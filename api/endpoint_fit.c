@@ -39,7 +39,7 @@ static const struct field request_fields[] = {
     {Q(samples), FIELD_OPTION, .fields = api_samples_fields, .size = sizeof(struct samples),
      .doc = "fr at scattered pairs, instead of source; at least 16"},
     {Q(model), FIELD_ENUM, FIELD_DEFAULT, .names = model_names,
-     .doc = "auto: the smallest that meets the tolerance; tabulated does not go with samples"},
+     .doc = "auto: the smallest that meets the tolerance; tabulated does not go with samples and UTIA files"},
     {Q(anisotropic), FIELD_ENUM, FIELD_DEFAULT, .names = ask_names,
      .doc = "auto: where the source can be; true needs a source that can be"},
     {Q(diffuse), FIELD_ENUM, FIELD_DEFAULT, .names = diffuse_names,
@@ -124,7 +124,8 @@ static bool choose_options(struct call *call, const struct measurement *m,
                               "the source is isotropic: it does not say how it looks when turned");
     if (models_of[in->model] == FACET_FIT_TABULATED && m->source.samples)
         return api_problem_at(call->problem, &model,
-                              "\"tabulated\" needs backscatter at every angle, which samples are not");
+                              "\"tabulated\" needs backscatter at every angle, which samples and UTIA "
+                              "files do not hold");
     *options = (facet_fit_options){.masking = masking_of[in->masking],
                                    .resolution = in->resolution < 0 ? FACET_FIT_RESOLUTION
                                                                     : (size_t)in->resolution,

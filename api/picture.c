@@ -110,7 +110,7 @@ bool api_picture(struct call *call, const facet_fit_source *source, const facet_
     struct lobe *lobe = api_arena_alloc(call->arena, sizeof *lobe);
     size_t size;
     if (!lobe) return api_problem_memory(call->problem);
-    if (source->samples)
+    if (!source->evaluate)
         return api_problem(call->problem, 422,
                            "samples are scattered: there is no lobe to draw; ask for JSON");
     api_text_print(&text, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "

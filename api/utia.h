@@ -4,7 +4,8 @@
  * Layout: 3 colour planes x 6 theta_i x 48 phi_i x 6 theta_o x 48 phi_o little-endian
  * doubles, steps 15 and 7.5 degrees.  A number v below 0 counts as 0; v/140, then the
  * sRGB decoding, times 100 is f_r.  Linear between the angles, phi periodic; no
- * data beyond theta = 75 degrees.
+ * data beyond theta = 75 degrees.  Between nodes 15 degrees apart that broadens every
+ * lobe, so a fit looks at nodes alone: they are its samples.
  */
 #ifndef API_UTIA_H
 #define API_UTIA_H

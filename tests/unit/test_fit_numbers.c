@@ -212,3 +212,34 @@ TEST(anisotropic_roughness)
         }
     }
 }
+
+/* ---- Other maskings -------------------------------------------------------------------------------- */
+
+TEST(vgroove_and_normal_map)
+{
+    static const facet_masking maskings[] = {FACET_VGROOVE, FACET_NONE};
+    static const double alphas[] = {.05, .3, .8};
+    for (int k = 0; k < 12; k++) {
+        facet_ndf ndf = k % 2 ? FACET_BECKMANN : FACET_GGX;
+        double alpha = alphas[k / 4];
+        facet_material material = {.ndf = ndf,
+                                   .roughness = {alpha, alpha, 0, 0, 0},
+                                   .masking = maskings[k / 2 % 2],
+                                   .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+        facet_brdf *brdf;
+        CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
+        facet_fit_source source = {evaluate_brdf, brdf, INFINITY, false, NULL};
+        facet_fit_options options = {material.masking, 90, FACET_FIT_TABULATED | 1u << ndf, false, false, false};
+        facet_fit fit;
+        CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
+        CHECK(!fit.has_convention);
+        const facet_fit_candidate *first = &fit.candidate[0], *last = &fit.candidate[fit.count - 1];
+        CHECK_REL(first->material.roughness.alpha_x, alpha, 1e-6, 0);
+        CHECK_INT(last->material.ndf, FACET_TABULATED);
+        CHECK(last->error.backscatter_max < 1e-4 && last->error.rms_log < 1e-3);
+        check_note("backscatter", last->error.backscatter_max);
+        check_note("rms_log", last->error.rms_log);
+        facet_fit_clear(&fit);
+        facet_brdf_destroy(brdf);
+    }
+}

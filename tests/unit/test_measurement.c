@@ -304,8 +304,6 @@ TEST(utia_layout_and_interpolation)
     free(bytes);
 }
 
-/* ---- CSV and samples ---------------------------------------------------------------------------------- */
-
 static struct answer post(const char *query, const char *type, const void *body, size_t size)
 {
     return ask_with((struct api_request){.method = "POST",
@@ -320,6 +318,24 @@ static double number_of(const struct answer *answer, const char *first, const ch
 {
     return json_number_value(json_object_get(json_object_get(answer->json, first), second));
 }
+
+TEST(utia_is_fitted)
+{
+    unsigned char *bytes = make_utia(.6, .4, .1);
+    if (!bytes) return;
+    struct answer answer = post("model=ggx&tolerance=0.001", NULL, bytes, UTIA_SIZE);
+    CHECK_INT(answer.response.status, 200);
+    CHECK_REL(number_of(&answer, "material", "alpha_x"), .6, 1e-3, 0); /* coloured as a whole, which Schlick is not */
+    CHECK_REL(number_of(&answer, "material", "alpha_y"), .4, 1e-3, 0);
+    CHECK(fabs(number_of(&answer, "material", "rho")) < 1e-4);
+    CHECK(number_of(&answer, "error", "rms_log") < 5e-3);
+    check_note("rms_log", number_of(&answer, "error", "rms_log"));
+    check_note("ms", json_number_value(json_object_get(answer.json, "timing_ms")));
+    answer_clear(&answer);
+    free(bytes);
+}
+
+/* ---- CSV and samples ---------------------------------------------------------------------------------- */
 
 static double fraction(unsigned *state)
 {
