@@ -269,13 +269,6 @@ static bool list_candidates(struct call *call, const facet_fit *fit, struct list
 
 /* ---- Choice --------------------------------------------------------------------------------------- */
 
-/*
- * Beyond these a surface is not made of the facets fitted to it.  Of the 100 materials of MERL the
- * worst is met to 0.48, of two measured retro-reflectors the better to 0.71.
- */
-#define RMS_MAX 0.6      /* a factor of 1.8 in the rms over all directions */
-#define HOT_SPOT_MAX 1.1 /* a factor of 3 in the mean of the backscatter */
-
 static const facet_fit_candidate *best_of(const facet_fit *fit)
 {
     const facet_fit_candidate *best = &fit->candidate[0];
@@ -301,13 +294,13 @@ static void judge(const facet_fit *fit, const char *asked, char *why, size_t roo
 {
     double rms = best_of(fit)->error.rms_log;
     why[0] = 0;
-    if (rms > RMS_MAX)
+    if (rms > FACET_FIT_RMS_MAX)
         snprintf(why, room,
                  "the closest of %zu %s%scandidates is off by rms_log %.3g, %.3g is the most that is "
                  "called a fit: %s",
-                 fit->count, asked, *asked ? " " : "", rms, RMS_MAX,
+                 fit->count, asked, *asked ? " " : "", rms, FACET_FIT_RMS_MAX,
                  *asked ? "try model auto" : "no microfacet surface looks like this");
-    else if (fit->hot_spot > HOT_SPOT_MAX)
+    else if (fit->hot_spot > FACET_FIT_HOT_SPOT_MAX)
         snprintf(why, room,
                  "light that comes back where it came from is %.3g times that of the closest "
                  "candidate: this is a retro-reflector, which no microfacet surface is",

@@ -61,6 +61,15 @@ typedef struct facet_fit_source {
  */
 #define FACET_FIT_EPSILON 1e-3
 
+/*
+ * Beyond these a surface is not made of the facets fitted to it: a factor of 1.8 in the
+ * rms over all directions; a factor of 3 in the mean of the backscatter (facet_fit.hot_spot).
+ * Of the 100 materials of MERL the worst is met to 0.48, of two measured
+ * retro-reflectors the better to 0.71.
+ */
+#define FACET_FIT_RMS_MAX 0.6
+#define FACET_FIT_HOT_SPOT_MAX 1.1
+
 typedef struct facet_fit_error {
     double rms_log;
     double channel[3];      /* rms_log of each channel */

@@ -96,7 +96,7 @@ static double thesis_rms(const facet_fit_source *source)
 /* ---- Rows ------------------------------------------------------------------------------------------ */
 
 struct tally {
-    int rows, beat_both, met, bad;
+    int rows, beat_both, met, refused, bad;
     double slowest;
 };
 
@@ -135,7 +135,9 @@ static void row(const char *name, const facet_fit_source *source, struct tally *
     if (!chosen) chosen = best;
     double thesis = thesis_rms(source), rms = chosen->error.rms_log;
     tally->beat_both += rms < ggx && !(rms >= thesis);
-    printf("| %s | %s | %zu | %.3f | %.2f | %.3f | %.3f |\n", name, name_of(chosen), chosen->bytes, rms,
+    bool fits = rms <= FACET_FIT_RMS_MAX && !(fit.hot_spot > FACET_FIT_HOT_SPOT_MAX);
+    tally->refused += !fits;
+    printf("| %s | %s%s | %zu | %.3f | %.2f | %.3f | %.3f |\n", name, fits ? "" : "does not fit; closest: ", name_of(chosen), chosen->bytes, rms,
            chosen->error.backscatter_max, ggx, thesis);
     fflush(stdout);
     facet_fit_clear(&fit);
@@ -150,8 +152,8 @@ static void head(const char *title)
 static void foot(const struct tally *t)
 {
     printf("\n%d materials: auto at tolerance %g beats both GGX alone and the thesis's table on %d, meets the "
-           "tolerance on %d; %d failed or gave no finite error.\n",
-           t->rows, TOLERANCE, t->beat_both, t->met, t->bad);
+           "tolerance on %d and says \"fits\":false of %d; %d failed or gave no finite error.\n",
+           t->rows, TOLERANCE, t->beat_both, t->met, t->refused, t->bad);
     fprintf(stderr, "slowest fit: %.0f ms\n", t->slowest);
 }
 

@@ -72,6 +72,7 @@ static facet_status evaluate_closed(const void *user, facet_vec3_in wi, facet_ve
                 fr[c][k] += s->noise * fr[c][k] * gauss(s, i, o, c) +
                             s->noise_floor * peak * gauss(s, i, o, c + 3);
             }
+            if (s->outliers > 0 && erfc(fabs(gauss(s, i, o, 6)) / sqrt(2)) < s->outliers) fr[c][k] *= 100;
         }
         valid[k] = true;
     }

@@ -18,6 +18,7 @@ struct closed {
     double alpha, f0[3];
     enum closed_masking masking;
     double noise, noise_floor; /* relative, and of the peak; 0: none */
+    double outliers;           /* the share of values that are a hundredfold */
     unsigned seed;
 };
 

@@ -17,7 +17,7 @@ TEST(power_iteration_is_exact_at_the_nodes)
 {
     static const double alphas[] = {.01, .02, .05, .15};
     for (size_t k = 0; k < 4; k++) {
-        struct closed closed = {FACET_BECKMANN, alphas[k], {.7, .7, .7}, k % 2, 0, 0, 0};
+        struct closed closed = {FACET_BECKMANN, alphas[k], {.7, .7, .7}, k % 2, 0, 0, 0, 0};
         facet_fit_source source = closed_source(&closed);
         facet_fit_convention convention = k % 2 ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED;
         struct fit_density density;
@@ -46,7 +46,7 @@ TEST(alpha_comes_back_from_the_slope_distribution)
     static const double alphas[] = {1e-3, .01, .1, .5, 1};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 10; k++) {
-            struct closed closed = {(facet_ndf)ndf, alphas[k / 2], {.9, .9, .9}, k % 2, 0, 0, 0};
+            struct closed closed = {(facet_ndf)ndf, alphas[k / 2], {.9, .9, .9}, k % 2, 0, 0, 0, 0};
             facet_fit_source source = closed_source(&closed);
             facet_fit_convention convention = k % 2 ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED;
             struct fit_density density;
@@ -104,7 +104,7 @@ TEST(beckmann_backscatter_at_resolution_90)
 {
     static const double alphas[] = {.01, .02, .05, .15};
     for (size_t k = 0; k < 4; k++) {
-        struct closed closed = {FACET_BECKMANN, alphas[k], {.95, .64, .54}, CLOSED_CORRELATED, 0, 0, 0};
+        struct closed closed = {FACET_BECKMANN, alphas[k], {.95, .64, .54}, CLOSED_CORRELATED, 0, 0, 0, 0};
         facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
@@ -134,7 +134,7 @@ TEST(the_right_model_is_exact)
     static const double alphas[] = {.01, .1, .5, 1};
     for (size_t k = 0; k < 8; k++) {
         facet_ndf ndf = k < 4 ? FACET_GGX : FACET_BECKMANN;
-        struct closed closed = {ndf, alphas[k % 4], {.95, .64, .04}, CLOSED_CORRELATED, 0, 0, 0};
+        struct closed closed = {ndf, alphas[k % 4], {.95, .64, .04}, CLOSED_CORRELATED, 0, 0, 0, 0};
         facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
@@ -171,7 +171,7 @@ TEST(hot_spot_is_recognised)
     static const double alphas[] = {.3, .6, 1};
     for (size_t k = 0; k < 6; k++) {
         struct closed closed = {
-            k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, CLOSED_HOT_SPOT, 0, 0, 0};
+            k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, CLOSED_HOT_SPOT, 0, 0, 0, 0};
         facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
@@ -189,7 +189,7 @@ TEST(hot_spot_is_recognised)
 TEST(fresnel_is_the_least_squares)
 {
     enum { GROUPS = 6 };
-    struct closed closed = {FACET_GGX, .3, {.6, .5, .2}, CLOSED_HOT_SPOT, 0, 0, 0};
+    struct closed closed = {FACET_GGX, .3, {.6, .5, .2}, CLOSED_HOT_SPOT, 0, 0, 0, 0};
     facet_fit_source source = closed_source(&closed);
     double theta_h[] = {0, .05, .1, .2, .4, .8}, theta_d[GROUPS] = {0, .3, .6, .9, 1.2, 1.5};
     struct fit_grid grid = {theta_h, theta_d, 6, GROUPS, 3, 1, NULL, NULL};
@@ -217,7 +217,7 @@ TEST(fresnel_is_the_least_squares)
 /* rms_log again, from the definition in facet_fit.h. */
 TEST(stated_error_is_the_error)
 {
-    struct closed closed = {FACET_GGX, .3, {.9, .5, .2}, CLOSED_HOT_SPOT, 0, 0, 0};
+    struct closed closed = {FACET_GGX, .3, {.9, .5, .2}, CLOSED_HOT_SPOT, 0, 0, 0, 0};
     facet_fit_source source = closed_source(&closed);
     facet_fit fit;
     CHECK_INT(fit_isotropic(&source, 40, &fit), FACET_OK);
@@ -288,7 +288,7 @@ static bool countdown(void *user)
 
 TEST(arguments_and_cancellation)
 {
-    struct closed closed = {FACET_GGX, .3, {1, 1, 1}, CLOSED_CORRELATED, 0, 0, 0};
+    struct closed closed = {FACET_GGX, .3, {1, 1, 1}, CLOSED_CORRELATED, 0, 0, 0, 0};
     facet_fit_source source = closed_source(&closed);
     facet_fit fit;
     CHECK_INT(fit_isotropic(&source, FACET_FIT_RESOLUTION_MIN - 1, &fit), FACET_BAD_SIZE);

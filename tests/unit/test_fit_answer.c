@@ -166,7 +166,7 @@ TEST(diffuse_materials_are_sampled)
     static const char *const materials[] = {
         "{\"ndf\":\"ggx\",\"alpha\":0.2,\"fresnel\":{\"schlick\":{\"f0\":0.04}},\"diffuse\":0.5}",
         "{\"ndf\":\"beckmann\",\"alpha\":0.5,\"diffuse\":[0.3,0.3,0.3]}"};
-    enum { N = 40000 };
+    enum { N = 16000 };
     for (int k = 0; k < 2; k++) {
         char body[600];
         snprintf(body, sizeof body, "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"n\":%d,\"seed\":3}", materials[k], N);
@@ -179,22 +179,22 @@ TEST(diffuse_materials_are_sampled)
         }
         /* the same integral over a grid of equal solid angles */
         snprintf(body, sizeof body,
-                 "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":400,\"phi\":200,\"uniform\":"
+                 "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":200,\"phi\":60,\"uniform\":"
                  "\"cosine\"}},\"outputs\":[\"fr_cos\",\"pdf\"],\"tolerance\":1e-4}", materials[k]);
         struct answer e = post("/v1/eval", NULL, NULL, body);
         CHECK_INT(e.response.status, 200);
         double albedo = 0, total = 0;
-        for (size_t i = 0; i < 80000; i++) {
+        for (size_t i = 0; i < 12000; i++) {
             albedo += k ? answer_component(&e, "fr_cos", i, 1) : answer_number(&e, "fr_cos", i);
             total += answer_number(&e, "pdf", i);
         }
-        CHECK_REL(mean / N, albedo * 2 * PI / 80000, .01, 0);
-        CHECK_REL(total * 2 * PI / 80000, 1 - below / N, .01, 0); /* what is above the horizon */
+        CHECK_REL(mean / N, albedo * 2 * PI / 12000, .02, 0);
+        CHECK_REL(total * 2 * PI / 12000, 1 - below / N, .02, 0); /* what is above the horizon */
         check_note("albedo", mean / N);
         /* pdf and weight are those of the wi returned */
         char pair[1400];
         double bound = answer_bound(&s);
-        for (size_t i = 0; i < 50; i++) {
+        for (size_t i = 0; i < 20; i++) {
             if (answer_component(&s, "wi", i, 2) <= 0) continue;
             snprintf(pair, sizeof pair, "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":[[%.17g,%.17g,%.17g]]}",
                      materials[k], answer_component(&s, "wi", i, 0), answer_component(&s, "wi", i, 1),

@@ -72,7 +72,7 @@ TEST(slope_distribution_everywhere)
     };
     for (size_t k = 0; k < sizeof rows / sizeof *rows; k++) {
         for (int masking = CLOSED_CORRELATED; masking <= CLOSED_HOT_SPOT; masking++) {
-            struct closed closed = {rows[k].ndf, rows[k].alpha, {.9, .7, .2}, masking, 0, 0, 0};
+            struct closed closed = {rows[k].ndf, rows[k].alpha, {.9, .7, .2}, masking, 0, 0, 0, 0};
             double at_90, at_360, table_90, table_360;
             char name[40];
             extraction_error(&closed, 90, &at_90, &table_90);
@@ -105,11 +105,11 @@ static double fitted_alpha(const struct closed *closed, facet_fit_convention *co
 
 TEST(alpha_whatever_the_masking)
 {
-    static const double alphas[] = {.01, .03, .1, .3, .6, 1};
+    static const double alphas[] = {.01, .1, .4, 1};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
-        for (size_t k = 0; k < 6; k++) {
+        for (size_t k = 0; k < 4; k++) {
             for (int masking = CLOSED_CORRELATED; masking <= CLOSED_SMALLER; masking++) {
-                struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .7, .2}, masking, 0, 0, 0};
+                struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .7, .2}, masking, 0, 0, 0, 0};
                 facet_fit_convention convention;
                 double error = fabs(fitted_alpha(&closed, &convention) / alphas[k] - 1);
                 CHECK(error <= (ndf == FACET_GGX ? 1e-3 : 1e-6));
@@ -120,17 +120,17 @@ TEST(alpha_whatever_the_masking)
 }
 
 /* 3 % of each value and 1e-4 of the peak: rms error of alpha over the trials.
- * FACET_TEST_SCALE=8 makes them 200 and more of each distribution. */
+ * FACET_TEST_SCALE=17 makes them 200 and more of each distribution. */
 TEST(alpha_of_noisy_data)
 {
     static const double alphas[] = {.05, .2, .5};
-    int trials = (int)draw_count(8);
+    int trials = (int)draw_count(4);
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         double sum = 0, count = 0;
         for (int k = 0; k < 3; k++) {
             for (int i = 0; i < trials; i++) {
                 struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .7, .2}, CLOSED_CORRELATED,
-                                        .03, 1e-4, (unsigned)(i + 100 * k)};
+                                        .03, 1e-4, 0, (unsigned)(i + 100 * k)};
                 facet_fit_convention convention;
                 double error = fitted_alpha(&closed, &convention) / alphas[k] - 1;
                 sum += error * error;
@@ -143,6 +143,18 @@ TEST(alpha_of_noisy_data)
     }
 }
 
+/* One value in fifty a hundredfold: least squares alone would follow them. */
+TEST(outliers_do_not_matter)
+{
+    for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
+        struct closed closed = {(facet_ndf)ndf, .2, {.9, .7, .2}, CLOSED_CORRELATED, 0, 0, .02, 3};
+        facet_fit_convention convention;
+        double error = fabs(fitted_alpha(&closed, &convention) / .2 - 1);
+        CHECK(error < 2e-3); /* without the loss 7e-3 */
+        check_note(ndf == FACET_GGX ? "ggx" : "beckmann", error);
+    }
+}
+
 /* ---- Fresnel ------------------------------------------------------------------------------------ */
 
 TEST(fresnel_table_to_84_degrees)
@@ -150,7 +162,7 @@ TEST(fresnel_table_to_84_degrees)
     static const double alphas[] = {.02, .1, .4};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 3; k++) {
-            struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .3, .04}, CLOSED_CORRELATED, 0, 0, 0};
+            struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .3, .04}, CLOSED_CORRELATED, 0, 0, 0, 0};
             facet_fit_source source = closed_source(&closed);
             facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_TABULATED, false, false, false};
             facet_fit fit;
@@ -184,9 +196,9 @@ static facet_status evaluate_brdf(const void *user, facet_vec3_in wi, facet_vec3
 
 TEST(anisotropic_roughness)
 {
-    static const double rows[][3] = {{.3, .1, 0}, {.05, .5, 0}, {.2, .2, .9}, {.4, .1, -.9}, {.05, .1, .5}};
+    static const double rows[3][3] = {{.05, .5, 0}, {.2, .2, .9}, {.4, .1, -.9}};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
-        for (size_t k = 0; k < 5; k++) {
+        for (size_t k = 0; k < 3; k++) {
             facet_material material = {.ndf = (facet_ndf)ndf,
                                        .roughness = {rows[k][0], rows[k][1], rows[k][2], 0, 0},
                                        .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
