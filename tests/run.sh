@@ -107,7 +107,7 @@ step cases-asan   cases asan
 step abuse-asan   abuse asan no
 step cases-tsan   cases tsan
 step demo         demo
-step mitsuba      tests/export_mitsuba.sh build/release/facetd
+step tools        tests/export_tools.sh build/release/facetd
 step texts        tests/texts.sh
 
 passed=$(grep -c '^ok ' "$log") failed=$(grep -c '^FAIL ' "$log") skipped=$(grep -c '^skip ' "$log")

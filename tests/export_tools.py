@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""The export for Mitsuba 3, evaluated by Mitsuba itself and by the daemon.
+"""Exports, judged by the tools themselves.
 
-    tests/export_mitsuba.py URL      prints a line "ok|FAIL|skip mitsuba/..." per source
+    tests/export_tools.py URL      prints a line "ok|FAIL|skip TOOL/..." per source
 
-Needs the PyPI package mitsuba (and numpy, which it brings); without it everything is skipped.
+Mitsuba 3 (PyPI mitsuba) evaluates what is written for it, as the daemon evaluates the same
+model; MaterialX (PyPI materialx) validates its document against its own library.  Without a
+package its checks are skipped.
 Equal means where the value passes 1e-6: within 2e-5 relative, Mitsuba computing in single
 precision; within 1e-2 for Beckmann, whose masking is a rational fit there (Walter 2007, 0.35 %).
 """
@@ -19,8 +21,11 @@ try:
     import mitsuba as mi
     mi.set_variant('scalar_rgb')
 except ImportError:
-    print('skip mitsuba: the PyPI package mitsuba is not installed')
-    sys.exit(0)
+    mi = None
+try:
+    import MaterialX as mx
+except ImportError:
+    mx = None
 
 SOURCES = {
     'ggx': {'ndf': 'ggx', 'alpha': 0.2, 'fresnel': {'schlick': {'f0': [0.95, 0.64, 0.54]}}},
@@ -72,7 +77,26 @@ def mitsuba(text, wi, wo):
     return out
 
 
-def main():
+def check_materialx():
+    if not mx:
+        print('skip materialx: the PyPI package materialx is not installed')
+        return
+    library = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+    for name, source in SOURCES.items():
+        fit = ask('/v1/fit?export=materialx&model=ggx', {'source': dict(source, ndf='ggx')})
+        document = mx.createDocument()
+        mx.readFromXmlString(document, fit['export']['text'])
+        document.importLibrary(library)
+        valid, why = document.validate()
+        unknown = [node.getName() for node in document.getNodes() if not node.getNodeDef()]
+        print(f'{"ok" if valid and not unknown else "FAIL"} materialx/{name} {why} {" ".join(unknown)}')
+
+
+def check_mitsuba():
+    if not mi:
+        print('skip mitsuba: the PyPI package mitsuba is not installed')
+        return
     wi, wo = directions()
     for name, source in SOURCES.items():
         fit = ask('/v1/fit?export=mitsuba', {'source': source})
@@ -89,4 +113,5 @@ def main():
         print(f'{"ok" if worst < bound else "FAIL"} mitsuba/{name} error={worst:.2g}')
 
 
-main()
+check_mitsuba()
+check_materialx()
