@@ -141,7 +141,8 @@ const struct field api_material_fields[] = {
     {M(fresnel), FIELD_UNION, FIELD_DEFAULT, .fields = fresnel_forms, .initial = FRESNEL_WORD_IDEAL,
      .doc = "Fresnel term"},
     {M(diffuse), FIELD_COLOUR, .min = 0, .max = 1,
-     .doc = "kd of a diffuse part: fr = (1 - kd) specular + kd/pi (Dupuy 5.4); 0 by default"},
+     .doc = "kd of a diffuse part: fr = (1 - kd) specular + kd/pi (Dupuy 5.4), sampled by mixing "
+            "cosine samples in; 0 by default"},
     {0},
 };
 
