@@ -258,8 +258,8 @@ bool api_csv_open(const void *bytes, size_t size, struct arena *arena, struct pr
     const char *at, *end;
     double *column[9], v[COLUMNS];
     size_t n = 0, lines = count_lines(csv.at, csv.end);
-    if (lines > LIMIT_EVALUATIONS)
-        return api_problem(problem, 422, "%zu lines are outside [1, %d]", lines, LIMIT_EVALUATIONS);
+    if (lines > LIMIT_SAMPLES)
+        return api_problem(problem, 422, "%zu lines are outside [1, %d]", lines, LIMIT_SAMPLES);
     if (!allocate(arena, lines, column)) return api_problem_memory(problem);
     for (int k = 0; k < COLUMNS; k++) csv.order[k] = k;
     for (bool first = true; next_line(&csv, &at, &end); first = false) {

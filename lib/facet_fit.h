@@ -53,9 +53,9 @@ typedef struct facet_fit_source {
  * The error of a fit: rms of log((FACET_FIT_EPSILON + f_r cos theta_i)/
  * (FACET_FIT_EPSILON + fit)), all channels, over the pairs with data and both
  * cosines >= 1e-3 among theta_h = (pi/2) ((i + 1/2)/45)^2, theta_d = (pi/2)
- * (j + 1/2)/40, phi_d = pi (k + 1/2)/12: the measure of a MERL file.  (The
- * logarithm with its guard follows Ngan et al. 2005 and Low et al. 2012, who
- * compare log-like measures of f_r cos theta.)  An anisotropic source is asked at
+ * (j + 1/2)/40, phi_d = pi (k + 1/2)/12: the measure of a MERL file, each pair
+ * and channel of equal weight.  (Low et al. 2012 compare log(1 + f_r cos theta);
+ * here the guard is small enough for dark materials.)  An anisotropic source is asked at
  * 8 phi_h, 15 theta_h, 20 theta_d and 8 phi_d over the whole circle; samples
  * count as they are.
  */

@@ -16,6 +16,8 @@
 enum { HALVES = 24, AZIMUTHS = 4 };
 enum { TURNED_DIFFERENCES = 18, TURNED_HALVES = 12, TURNED_AZIMUTHS = 6, TURNS = 9 };
 enum { SAMPLE_GROUPS = 45 };
+/* The least squares look at no more samples than this, evenly chosen; the error counts all. */
+enum { SAMPLES_USED = 20000 };
 /*
  * Directions its error is stated over, in the measure of a MERL file: sqrt(theta_h), theta_d,
  * phi_d.  40 parts of theta_d, because the middles of 45 would be nodes of the Fresnel table.
@@ -129,8 +131,10 @@ static void open_samples(struct fit_work *work)
         work->status = FACET_BAD_DATA;
         return;
     }
-    work->status = facet_fit_pairs_samples(samples, n, &work->pairs);
-    if (work->status == FACET_OK) work->status = facet_fit_pairs_thin(&work->pairs, 1, &work->errors);
+    work->status = facet_fit_pairs_samples(samples, n, &work->errors);
+    if (work->status == FACET_OK)
+        work->status = facet_fit_pairs_thin(&work->errors, 1 + work->errors.count / SAMPLES_USED,
+                                            &work->pairs);
     if (work->status == FACET_OK && work->pairs.count < FACET_FIT_SAMPLES_MIN)
         work->status = FACET_BAD_DATA;
     if (work->status == FACET_OK) work->status = facet_fit_pairs_near(samples, &work->backscatter);

@@ -144,14 +144,18 @@ facet_status facet_fit_pairs_samples(const facet_fit_samples *samples, size_t gr
     size_t n = samples->count;
     if (n == 0) return FACET_BAD_DATA;
     if (!allocate(pairs, n > groups ? n : groups)) return FACET_NO_MEMORY;
-    bool *valid = calloc(n, sizeof *valid);
+    bool *valid = calloc(n, sizeof *valid + 1);
+    unsigned char *own = valid ? (unsigned char *)(valid + n) : NULL; /* group of each sample */
     pairs->groups = groups;
     for (size_t g = 0; g < groups; g++)
         pairs->cos_theta_d[g] = cos(PI / 2 * ((double)g + 0.5) / (double)groups);
+    for (size_t i = 0; valid && i < n; i++) {
+        size_t g = (size_t)(difference_angle(samples, i) / (PI / 2) * (double)groups);
+        own[i] = (unsigned char)(g < groups ? g : groups - 1);
+    }
     for (size_t g = 0; valid && g < groups; g++) { /* group after group, as the others are */
         for (size_t i = 0; i < n; i++) {
-            size_t own = (size_t)(difference_angle(samples, i) / (PI / 2) * (double)groups);
-            if ((own < groups ? own : groups - 1) != g) continue;
+            if (own[i] != g) continue;
             double wi[3] = {samples->wi.x[i], samples->wi.y[i], samples->wi.z[i]},
                    wo[3] = {samples->wo.x[i], samples->wo.y[i], samples->wo.z[i]};
             if (!add(pairs, wi, wo)) continue;
@@ -181,12 +185,18 @@ facet_status facet_fit_pairs_backscatter(const facet_fit_source *source, const d
     return status;
 }
 
-facet_status facet_fit_pairs_near(const facet_fit_samples *samples, struct fit_pairs *pairs)
+static bool are_near(const facet_fit_samples *s, size_t i)
 {
     static const double near = 0.9945218953682733; /* cos 6 degrees */
-    size_t n = samples->count;
-    bool *valid = calloc(n + 1, sizeof *valid);
-    if (!valid || !allocate(pairs, n)) {
+    return s->wi.x[i] * s->wo.x[i] + s->wi.y[i] * s->wo.y[i] + s->wi.z[i] * s->wo.z[i] >= near;
+}
+
+facet_status facet_fit_pairs_near(const facet_fit_samples *samples, struct fit_pairs *pairs)
+{
+    size_t n = samples->count, count = 1;
+    for (size_t i = 0; i < n; i++) count += are_near(samples, i);
+    bool *valid = calloc(count, sizeof *valid);
+    if (!valid || !allocate(pairs, count)) {
         free(valid);
         return FACET_NO_MEMORY;
     }
@@ -195,7 +205,7 @@ facet_status facet_fit_pairs_near(const facet_fit_samples *samples, struct fit_p
     for (size_t i = 0; i < n; i++) {
         double wi[3] = {samples->wi.x[i], samples->wi.y[i], samples->wi.z[i]},
                wo[3] = {samples->wo.x[i], samples->wo.y[i], samples->wo.z[i]};
-        if (wi[0] * wo[0] + wi[1] * wo[1] + wi[2] * wo[2] < near || !add(pairs, wi, wo)) continue;
+        if (!are_near(samples, i) || !add(pairs, wi, wo)) continue;
         for (size_t c = 0; c < 3; c++) pairs->fr_cos[c][pairs->count - 1] = samples->fr[c][i];
         valid[pairs->count - 1] = true;
     }

@@ -37,7 +37,7 @@ struct fit_grid {
 
 facet_status facet_fit_pairs_create(const facet_fit_source *source, const struct fit_grid *grid,
                                     struct fit_pairs *pairs);
-/* The samples themselves, grouped by theta_d in so many equal parts of [0, pi/2]. */
+/* The samples themselves, grouped by theta_d in so many (at most 255) equal parts of [0, pi/2]. */
 facet_status facet_fit_pairs_samples(const facet_fit_samples *samples, size_t groups,
                                      struct fit_pairs *pairs);
 /* Backscatter pairs at slopes r and so many azimuths: one group; fr in place of fr_cos. */
