@@ -127,6 +127,11 @@ fuzz-map: ## libFuzzer on the readers of maps, RUNS (1000000) inputs
 	@$(MAKE) -s --no-print-directory VARIANT=fuzz build/fuzz/tests/fuzz/fuzz_map
 	@tests/fuzz/map.sh build/fuzz/tests/fuzz/fuzz_map $(RUNS) $(DATA)/exr $(DATA)/png
 
+READER_FUZZERS := $(addprefix build/fuzz/tests/fuzz/fuzz_,bsdf csv merl samples utia)
+fuzz-measurements: ## libFuzzer on every reader of measurements, RUNS inputs each
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz $(READER_FUZZERS)
+	@tests/fuzz/measurements.sh build/fuzz $(RUNS)
+
 # ---- the black-box client: shares no code with the product -------------------------
 CLIENTS  := client abuse readme
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
@@ -134,6 +139,13 @@ $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lcurl -ljansson -lz -lpthread -lm
 clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
+
+
+# ---- the committed table of fits ----------------------------------------------------------
+$(B)/tests/fits/table: %: %.o $(B)/tests/fits/sources.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
+fit-table: $(B)/tests/fits/table ## fits all of shared data and rewrites tests/fits/TABLE.md (minutes)
+	$< table | grep -v '^ok ' > $(B)/TABLE.md && mv $(B)/TABLE.md tests/fits/TABLE.md
 
 # The quad-precision reference: always gcc (clang has no quadmath.h), never instrumented (it is slow enough).
 REFERENCE_O := $(patsubst %.c,$(B)/%.o,$(wildcard tests/accuracy/reference*.c))
@@ -266,6 +278,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -1,4 +1,5 @@
 /* POST /v1/sample: directions wi drawn from the visible normals of wo. */
+#include "diffuse.h"
 #include "endpoint.h"
 #include "evaluate.h"
 #include "limits.h"
@@ -96,7 +97,8 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
     if (!facet_sample_bound(job->surface.brdf, tier, job->input_error, bound)) return false;
-    *bound = api_represented(&job->representation, *bound + job->surface.parameter_error);
+    *bound += job->surface.parameter_error + api_surface_sample_error(&job->surface, tier);
+    *bound = api_represented(&job->representation, *bound);
     return true;
 }
 
@@ -211,8 +213,8 @@ static bool compute(struct call *call, struct job *job)
         double start = api_clock();
         api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
-        facet_status status = facet_sample(job->surface.brdf, job->promise.tier, from, job->u[0],
-                                           job->u[1], n, &samples);
+        facet_status status = api_surface_sample(&job->surface, job->promise.tier, from,
+                                                 job->u[0], job->u[1], n, &samples);
         if (status) return api_problem_status(call->problem, status, NULL);
         for (size_t k = 0; k < n; k++) job->wasted += !(job->wi[2][k] > 0);
         double computed = api_clock();

@@ -1,10 +1,13 @@
 #include "evaluate.h"
 
+#include "diffuse.h"
 #include "limits.h"
 #include "stream.h"
 
 #include <math.h>
 #include <string.h>
+
+#include <math.h>
 
 static const bool is_coloured[] = {
 #define QUANTITY(id, name, coloured, doc) coloured,
@@ -74,7 +77,7 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
         if (!asked(job->evaluation, q)) continue;
         if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, job->input_error, &b))
             return false;
-        b += job->surface.parameter_error;
+        b += job->surface.parameter_error + api_surface_error(&job->surface);
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
         if (b > *bound) *bound = b;
     }
@@ -146,8 +149,9 @@ static bool compute(struct call *call, struct job *job)
         if (!api_still_wanted(call)) return false;
         double start = api_clock();
         api_pairs_fill(&job->pairs, i, n, job->directions);
-        facet_status status = facet_eval(job->surface.brdf, job->promise.tier, in(job->directions),
-                                         in(job->directions + 3), n, &job->outputs);
+        facet_status status =
+            api_surface_eval(&job->surface, job->promise.tier, in(job->directions),
+                             in(job->directions + 3), n, &job->outputs);
         if (status) return api_problem_status(call->problem, status, NULL);
         double computed = api_clock();
         trace->compute_us += computed - start;

@@ -148,6 +148,9 @@ const struct field api_material_fields[] = {
      .doc = "masking of a surface with a mean slope; with thesis weights may exceed 1"},
     {M(fresnel), FIELD_UNION, FIELD_DEFAULT, .fields = fresnel_forms, .initial = FRESNEL_WORD_IDEAL,
      .doc = "Fresnel term"},
+    {M(diffuse), FIELD_COLOUR, .min = 0, .max = 1,
+     .doc = "kd of a diffuse part: fr = (1 - kd) specular + kd/pi (Dupuy 5.4), sampled by mixing "
+            "cosine samples in; 0 by default"},
     {0},
 };
 
@@ -346,6 +349,23 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
            api_problem_memory(decoder->problem);
 }
 
+/* A coloured diffuse part makes a specular one of one channel into three alike. */
+static void open_diffuse(const struct colour *diffuse, struct surface *surface)
+{
+    facet_fresnel *f = &surface->facet.fresnel;
+    if (diffuse->channels == 0) return;
+    spread(diffuse, surface->diffuse);
+    surface->has_diffuse = fmax(surface->diffuse[0], fmax(surface->diffuse[1], surface->diffuse[2])) > 0;
+    if (diffuse->channels == 1 || f->channels == 3) return;
+    f->channels = 3;
+    for (int c = 1; c < 3; c++) {
+        f->f0[c] = f->f0[0];
+        f->eta[c] = f->eta[0];
+        f->k[c] = f->k[0];
+        f->values[c] = f->values[0];
+    }
+}
+
 bool api_material_open(const struct material *material, const struct place *place,
                        struct decoder *decoder, struct surface *surface)
 {
@@ -357,6 +377,7 @@ bool api_material_open(const struct material *material, const struct place *plac
     if (!open_roughness(material, place, decoder, surface)) return false;
     if (!open_fresnel(&material->fresnel, decoder, &facet->fresnel)) return false;
     if (material->slopes && !open_slopes(material->slopes, place, decoder, facet)) return false;
+    open_diffuse(&material->diffuse, surface);
     surface->channels = facet->fresnel.channels;
     facet_status status = facet_brdf_create(facet, &surface->brdf);
     if (status) return api_problem_status(decoder->problem, status, place);

@@ -52,6 +52,7 @@ struct material {
     struct numbers mean_slope; /* x, y */
     int masking, shear;
     struct fresnel fresnel;
+    struct colour diffuse; /* kd */
 };
 
 extern const struct field api_material_fields[];
@@ -73,6 +74,8 @@ struct surface {
     facet_material facet;
     facet_brdf *brdf;
     size_t channels; /* of coloured quantities: 1 or 3 */
+    bool has_diffuse;
+    double diffuse[3]; /* kd of each channel; evaluate and sample by diffuse.h */
     /*
      * What rounding in parameters that the service computes (ellipse, moments) adds
      * to the relative error of every quantity; add it to facet_bound's.

@@ -1,8 +1,8 @@
 #include "merl.h"
 
+#include "little.h"
+
 #include <math.h>
-#include <stdint.h>
-#include <string.h>
 
 #define PI 3.14159265358979323846
 
@@ -12,24 +12,10 @@ enum { PLANE = HALVES * DIFFERENCES * AZIMUTHS };
 /* Units of the stored numbers, per steradian: the scale factors of the MERL reader. */
 static const double units[3] = {1.0 / 1500, 1.15 / 1500, 1.66 / 1500};
 
-static uint32_t read_u32(const unsigned char *p)
-{
-    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
-
-/* The numbers start 4 bytes off a double's alignment. */
-static double read_double(const unsigned char *p)
-{
-    uint64_t bits = read_u32(p) | (uint64_t)read_u32(p + 4) << 32;
-    double value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
 static bool has_dimensions(const unsigned char *bytes)
 {
-    return read_u32(bytes) == HALVES && read_u32(bytes + 4) == DIFFERENCES &&
-           read_u32(bytes + 8) == AZIMUTHS;
+    return api_little_u32(bytes) == HALVES && api_little_u32(bytes + 4) == DIFFERENCES &&
+           api_little_u32(bytes + 8) == AZIMUTHS;
 }
 
 bool api_merl_matches(const unsigned char *bytes, size_t size)
@@ -39,10 +25,11 @@ bool api_merl_matches(const unsigned char *bytes, size_t size)
 
 static double datum(const unsigned char *bytes, size_t plane, size_t index)
 {
-    return read_double(bytes + HEADER + 8 * (plane * PLANE + index));
+    return api_little_double(bytes + HEADER + 8 * (plane * PLANE + index));
 }
 
-bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct problem *problem)
+bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct data_counts *counts,
+                   struct problem *problem)
 {
     const unsigned char *b = bytes;
     if (size != MERL_SIZE)
@@ -52,11 +39,13 @@ bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct pro
         return api_problem(problem, 422,
                            "a MERL file starts with the dimensions 90, 90, 180 as little-endian "
                            "int32, this one with %ld, %ld, %ld",
-                           (long)(int32_t)read_u32(b), (long)(int32_t)read_u32(b + 4),
-                           (long)(int32_t)read_u32(b + 8));
+                           (long)(int32_t)api_little_u32(b), (long)(int32_t)api_little_u32(b + 4),
+                           (long)(int32_t)api_little_u32(b + 8));
     size_t data = 0;
-    for (size_t plane = 0; plane < 3; plane++) {
-        for (size_t i = 0; i < PLANE; i++) {
+    counts->values = PLANE;
+    for (size_t i = 0; i < PLANE; i++) {
+        bool missing = false;
+        for (size_t plane = 0; plane < 3; plane++) {
             double value = datum(b, plane, i);
             if (!isfinite(value))
                 return api_problem(problem, 422,
@@ -64,8 +53,10 @@ bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct pro
                                    "a finite number",
                                    plane, i / (DIFFERENCES * AZIMUTHS), i / AZIMUTHS % DIFFERENCES,
                                    i % AZIMUTHS);
+            missing = missing || value < 0;
             data += value > 0;
         }
+        counts->missing += missing;
     }
     merl->bytes = b;
     return data || api_problem(problem, 422, "the file holds no data: no number is positive");

@@ -9,8 +9,7 @@
 #ifndef API_MERL_H
 #define API_MERL_H
 
-#include "facet_fit.h"
-#include "problem.h"
+#include "measurement.h"
 
 enum { MERL_SIZE = 12 + 3 * 8 * 90 * 90 * 180 };
 
@@ -22,7 +21,9 @@ struct merl {
     const unsigned char *bytes;
 };
 
-bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct problem *problem);
+/* counts: a colour with a negative channel is missing. */
+bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct data_counts *counts,
+                   struct problem *problem);
 
 /*
  * f_r by trilinear interpolation in the coordinates in which the data are

@@ -116,10 +116,20 @@ static double masked_sum(const struct fit_density *density, facet_fit_convention
 }
 
 /* F0 P(r) = 4 f_r/(1 + r^2)^3 times the sum above: Dupuy 2015, alg. 1, in slopes. */
-static double gain(double r, double fr)
+double facet_fit_gain(double r, double fr)
 {
     double s = 1 + r * r;
     return 4 * fr / (s * s * s);
+}
+
+/*
+ * The same sum where it needs no density: 1/G(o,o), with G = min(1, 2 cos^2 theta)
+ * of V-grooves and cos^2 theta of a normal map (Dupuy table 2.IV at i = o = h).
+ */
+static double plain_sum(facet_masking masking, double r)
+{
+    double s = 1 + r * r;
+    return masking == FACET_VGROOVE ? fmax(1, s / 2) : s;
 }
 
 static void normalize(struct fit_density *density, double *change)
@@ -136,25 +146,47 @@ static void normalize(struct fit_density *density, double *change)
     change[density->count] = worst;
 }
 
+static facet_status read_off(struct fit_density *density, facet_masking masking, const double *fr)
+{
+    density->f0 = 0;
+    for (size_t j = 0; j < density->count; j++) {
+        double r = density->r[j];
+        density->p[j] = facet_fit_gain(r, fr[j]) * plain_sum(masking, r);
+        density->f0 += 2 * PI * density->weight[j] * density->p[j];
+    }
+    if (!isfinite(density->f0) || density->f0 <= 0) return FACET_BAD_DATA;
+    for (size_t j = 0; j < density->count; j++) density->p[j] /= density->f0;
+    return FACET_OK;
+}
+
+/* Four sums side by side: one after the other, additions would wait for each other. */
+static double product(const double *a, const double *b, size_t n)
+{
+    double sum[4] = {0, 0, 0, 0};
+    size_t j = 0;
+    for (; j + 4 <= n; j += 4)
+        for (size_t k = 0; k < 4; k++) sum[k] += a[j + k] * b[j + k];
+    for (; j < n; j++) sum[0] += a[j] * b[j];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
 static facet_status iterate(struct fit_density *density, facet_fit_convention convention,
                             const double *fr, double *matrix)
 {
     enum { STEPS = 500 };
     size_t n = density->count;
     double *next = matrix + n * n, *before = next + n; /* before holds n + 1 */
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) { /* the ring is symmetric, and the dearest part */
         before[i] = density->p[i] = 1;
-        for (size_t j = 0; j < n; j++) {
+        for (size_t j = 0; j <= i; j++) {
             double ring = ring_cosine(density->r[i] * density->r[j]);
             if (convention == FACET_FIT_CORRELATED) ring = 2 * ring - 2 * PI;
-            matrix[n * i + j] = gain(density->r[i], fr[i]) * density->weight[j] * ring;
+            matrix[n * i + j] = facet_fit_gain(density->r[i], fr[i]) * density->weight[j] * ring;
+            matrix[n * j + i] = facet_fit_gain(density->r[j], fr[j]) * density->weight[i] * ring;
         }
     }
     for (int step = 0; step < STEPS; step++) {
-        for (size_t i = 0; i < n; i++) {
-            next[i] = 0;
-            for (size_t j = 0; j < n; j++) next[i] += matrix[n * i + j] * density->p[j];
-        }
+        for (size_t i = 0; i < n; i++) next[i] = product(matrix + n * i, density->p, n);
         for (size_t i = 0; i < n; i++) density->p[i] = next[i];
         normalize(density, before);
         if (!isfinite(density->f0) || density->f0 <= 0) return FACET_BAD_DATA;
@@ -163,7 +195,7 @@ static facet_status iterate(struct fit_density *density, facet_fit_convention co
     return FACET_NO_CONVERGENCE;
 }
 
-facet_status facet_fit_density_create(const facet_fit_source *source,
+facet_status facet_fit_density_create(const facet_fit_source *source, facet_masking masking,
                                       facet_fit_convention convention, double scale, size_t count,
                                       struct fit_density *density)
 {
@@ -180,7 +212,9 @@ facet_status facet_fit_density_create(const facet_fit_source *source,
         }
         double *fr = work + count * count + 2 * count + 1;
         status = facet_fit_backscatter(source, density->r, count, fr);
-        if (status == FACET_OK) status = iterate(density, convention, fr, work);
+        if (status == FACET_OK)
+            status = masking == FACET_SMITH ? iterate(density, convention, fr, work)
+                                            : read_off(density, masking, fr);
     }
     free(work);
     if (status != FACET_OK) facet_fit_density_clear(density);
@@ -193,7 +227,7 @@ void facet_fit_density_clear(struct fit_density *density)
     *density = (struct fit_density){0};
 }
 
-facet_status facet_fit_density_table(const facet_fit_source *source,
+facet_status facet_fit_density_table(const facet_fit_source *source, facet_masking masking,
                                      facet_fit_convention convention,
                                      const struct fit_density *density, size_t n, double *log_d)
 {
@@ -206,7 +240,9 @@ facet_status facet_fit_density_table(const facet_fit_source *source,
     facet_status status = facet_fit_backscatter(source, r, n, fr);
     for (size_t i = 0; status == FACET_OK && i < n; i++) {
         double s = 1 + r[i] * r[i];
-        double p = gain(r[i], fr[i]) * masked_sum(density, convention, r[i]) / density->f0;
+        double sum = masking == FACET_SMITH ? masked_sum(density, convention, r[i])
+                                            : plain_sum(masking, r[i]);
+        double p = facet_fit_gain(r[i], fr[i]) * sum / density->f0;
         log_d[i] = p > 0 ? fmax(log(p) + 2 * log(s), LOG_ZERO) : LOG_ZERO;
     }
     free(r);
@@ -240,7 +276,7 @@ static double log_variance(double log_alpha, void *user)
     return variance;
 }
 
-double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf)
+double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf, double *rms)
 {
     double moment = 0, peak = 0;
     for (size_t i = 0; i < density->count; i++) {
@@ -253,5 +289,8 @@ double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf)
     if (!(alpha >= density->scale / 100 && alpha <= density->scale * 100)) alpha = density->scale;
     struct alpha_fit fit = {density, ndf, peak * PEAK_PART};
     double start = log(alpha);
-    return exp(facet_minimize(log_variance, &fit, start - 2, start + 2, 1e-9, 100));
+    double found = facet_minimize(log_variance, &fit, start - 2, start + 2, 1e-9, 100), count = 0;
+    for (size_t i = 0; i < density->count; i++) count += density->p[i] >= fit.floor;
+    *rms = sqrt(log_variance(found, &fit) / fmax(count, 1));
+    return exp(found);
 }

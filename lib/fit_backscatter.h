@@ -22,17 +22,24 @@ struct fit_density {
     double f0;              /* normal reflectance, mean of the channels */
 };
 
-facet_status facet_fit_density_create(const facet_fit_source *source,
+/*
+ * With masking SMITH by power iteration, under a convention; VGROOVE and NONE
+ * give P at once (Dupuy 2015, eqs. 4.17 and 4.18 with table 2.IV).
+ */
+facet_status facet_fit_density_create(const facet_fit_source *source, facet_masking masking,
                                       facet_fit_convention convention, double scale, size_t count,
                                       struct fit_density *density);
 void facet_fit_density_clear(struct fit_density *density);
 
 /* log D at the n nodes of a facet_slope_table: the equation itself interpolates (Nystroem). */
-facet_status facet_fit_density_table(const facet_fit_source *source,
+facet_status facet_fit_density_table(const facet_fit_source *source, facet_masking masking,
                                      facet_fit_convention convention,
                                      const struct fit_density *density, size_t n, double *log_d);
 
-/* alpha of GGX or Beckmann: moments, then least squares on log P. */
-double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf);
+/* alpha of GGX or Beckmann: moments, then least squares on log P; rms: what is left of log P. */
+double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf, double *rms);
+
+/* The parts that the anisotropic solution shares. */
+double facet_fit_gain(double r, double fr);
 
 #endif

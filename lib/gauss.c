@@ -19,12 +19,14 @@ static double legendre(size_t n, double x, double *derivative)
 
 void facet_gauss_legendre(size_t n, double *node, double *weight)
 {
-    enum { STEPS = 8 }; /* Newton converges quadratically from Tricomi's guess: 4 would do */
+    enum { STEPS = 8 }; /* Newton converges quadratically from Tricomi's guess: 4 do */
+    static const double small = 1e-15;
     for (size_t i = 0; i < (n + 1) / 2; i++) {
         double x = cos(PI * ((double)i + 0.75) / ((double)n + 0.5)), slope;
         for (int k = 0; k < STEPS; k++) {
             double p = legendre(n, x, &slope);
             x -= p / slope;
+            if (fabs(p / slope) < small) break;
         }
         legendre(n, x, &slope);
         node[n - 1 - i] = (1 + x) / 2;

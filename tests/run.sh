@@ -110,6 +110,7 @@ step demo         demo
 step fuzz         make -s -j"$jobs" VARIANT=asan fuzz-short
 step examples     tests/examples.sh build/release/facetd
 step lint         tests/extras.sh lint
+step tools        tests/export_tools.sh build/release/facetd
 step texts        tests/texts.sh
 
 passed=$(grep -c '^ok ' "$log") failed=$(grep -c '^FAIL ' "$log") skipped=$(grep -c '^skip ' "$log")

@@ -125,7 +125,7 @@ TEST(source_comes_back)
         CHECK_STR(text_at(fit, "source_convention", NULL), "correlated");
         CHECK_REL(number_at(fit, "material", "alpha"), k ? .15 : .3, 1e-6, 0);
         CHECK(number_at(fit, "error", "rms_log") < 1e-5);
-        CHECK_INT(json_array_size(json_object_get(fit, "candidates")), FACET_FIT_CANDIDATES);
+        CHECK_INT(json_array_size(json_object_get(fit, "candidates")), 1); /* nothing larger is better */
         CHECK(number_at(fit, "timing_ms", NULL) > 0);
         json_decref(fit);
     }
@@ -224,7 +224,7 @@ TEST(auto_takes_the_smallest_that_meets_the_tolerance)
             double size = number_at(candidate, "bytes", NULL),
                    error = number_at(candidate, "error", "rms_log");
             bool same = !strcmp(text_at(candidate, "model", NULL), model) &&
-                        !strcmp(text_at(candidate, "fresnel", NULL), fresnel);
+                        !strcmp(text_at(candidate, "fresnel", NULL), fresnel) && error == rms;
             CHECK(number_at(candidate, "ns_per_eval", NULL) > 0);
             if (same) {
                 found++;
@@ -256,13 +256,12 @@ static void check_refused(const char *body, const char *pointer)
 TEST(refusals_name_the_member)
 {
     check_refused("{}", "/source");
-    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha_x\":0.3,\"alpha_y\":0.2}}", "/source");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"mean_slope\":[0.1,0]}}", "/source");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":-1}}", "/source/alpha");
-    check_refused("{\"samples\":{\"wi\":[],\"wo\":[],\"fr\":[]}}", "/samples");
+    check_refused("{\"samples\":{\"wi\":[],\"wo\":[],\"fr\":[]}}", "/samples/wi");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"anisotropic\":true}",
                   "/anisotropic");
-    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"masking\":\"vgroove\"}",
+    check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"masking\":\"smith_uncorrelated\"}",
                   "/masking");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"model\":\"phong\"}", "/model");
     check_refused("{\"source\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"resolution\":2}", "/resolution");
@@ -297,7 +296,8 @@ TEST(damaged_measurements)
     problem = answer_of(post("/v1/fit", NULL, "application/x-merl-brdf", bytes, 3, NULL), 422);
     json_decref(problem);
     bytes[0] = 1;
-    problem = answer_of(post("/v1/fit", NULL, NULL, bytes, sizeof bytes, NULL), 415);
+    problem = answer_of(post("/v1/fit", NULL, NULL, bytes, sizeof bytes, NULL), 422);
+    CHECK(strstr(text_at(problem, "detail", NULL), "01 00 00 00") != NULL);
     json_decref(problem);
     problem = answer_of(
         post("/v1/fit", "alpha=1", "application/x-merl-brdf", bytes, sizeof bytes, NULL), 422);

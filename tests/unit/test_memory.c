@@ -6,6 +6,7 @@
 #include "exr_file.h"
 #include "form.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 /* Linked with --wrap: the calls of lib and api come here. */
@@ -206,4 +207,37 @@ TEST(a_failed_allocation_in_a_file)
         check_note("allocations, PNG", (double)n);
     if (!png) check_skip("no shared data");
     free(png);
+}
+
+/* The same for a measurement: few samples, every model that samples have, an export. */
+static bool fail_in_fit(const char *csv, const char *query, const char *accept, long n)
+{
+    const struct api_request request = {.method = "POST",
+                                        .path = "/v1/fit",
+                                        .query = query,
+                                        .accept = accept,
+                                        .content_type = "text/csv",
+                                        .body = csv,
+                                        .body_size = strlen(csv)};
+    struct api_response response;
+    left = n;
+    all_after = hit = false;
+    api_handle(&request, &response);
+    left = -1;
+    if (hit ? response.status != 503 : response.status != 200)
+        check_fail(__FILE__, __LINE__, "%d with allocation %ld failing: %.200s", response.status, n,
+                   (char *)response.body);
+    api_response_clear(&response);
+    return hit;
+}
+
+TEST(a_failed_allocation_in_a_fit)
+{
+    char csv[4000], *at = csv;
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    for (int k = 0; k < 24; k++)
+        at += sprintf(at, "%g,0,%g,%g,%g,.2,.1\n", .05 * k, .04 * k, 3.1 + .1 * (k % 3), .3 + 1. / (1 + k));
+    for (long n = 0; n < 5000 && fail_in_fit(csv, "model=ggx&export=gltf", NULL, n); n += 1 + n / 40)
+        check_note("allocations", (double)n);
 }

@@ -63,11 +63,12 @@ TEST(layout_and_units)
 {
     unsigned char *bytes = make_file(1500);
     struct merl merl;
+    struct data_counts counts = {0};
     struct problem problem = {0};
     double rgb[3];
     if (!bytes) return;
     CHECK(api_merl_matches(bytes, MERL_SIZE));
-    CHECK(api_merl_open(bytes, MERL_SIZE, &merl, &problem));
+    CHECK(api_merl_open(bytes, MERL_SIZE, &merl, &counts, &problem));
     CHECK(look_up(&merl, .3, .4, 1, 0, rgb));
     CHECK_REL(rgb[0], 1, 1e-12, 0);
     CHECK_REL(rgb[1], 1.15, 1e-12, 0);
@@ -101,11 +102,12 @@ TEST(holes)
 {
     unsigned char *bytes = make_file(1500);
     struct merl merl;
+    struct data_counts counts = {0};
     struct problem problem = {0};
     double rgb[3];
     if (!bytes) return;
     put(bytes, 2, 30, 20, 45, -1); /* one colour is enough */
-    CHECK(api_merl_open(bytes, MERL_SIZE, &merl, &problem));
+    CHECK(api_merl_open(bytes, MERL_SIZE, &merl, &counts, &problem));
     double td = PI / 2 * 20 / 90, pd = PI * 45 / 180;
     CHECK(!look_up(&merl, half_angle(30), td, pd, 0, rgb));
     CHECK(!look_up(&merl, half_angle(30.4), td, pd, 0, rgb));
@@ -117,8 +119,9 @@ TEST(holes)
 static void check_refused(const unsigned char *bytes, size_t size, const char *word)
 {
     struct merl merl;
+    struct data_counts counts = {0};
     struct problem problem = {0};
-    CHECK(!api_merl_open(bytes, size, &merl, &problem));
+    CHECK(!api_merl_open(bytes, size, &merl, &counts, &problem));
     CHECK_INT(problem.status, 422);
     if (!strstr(problem.detail, word))
         check_fail(__FILE__, __LINE__, "no \"%s\" in: %s", word, problem.detail);

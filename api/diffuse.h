@@ -1,0 +1,28 @@
+/*
+ * diffuse.h - the diffuse part of a material, on top of what lib evaluates and samples:
+ * f_r = (1 - kd) f_specular + kd/pi (Dupuy eq. 5.4).
+ *
+ * A sample is drawn from the cosine with the probability `share` that u1 says, else
+ * from the specular sampler; its density is that mixture's.
+ */
+#ifndef API_DIFFUSE_H
+#define API_DIFFUSE_H
+
+#include "material.h"
+
+/* facet_eval of a surface, diffuse part included: fr, fr_cos and pdf. */
+facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_vec3_in wi,
+                              facet_vec3_in wo, size_t n, const facet_outputs *outputs);
+/* facet_sample of a surface; u1 is used up: overwritten. */
+facet_status api_surface_sample(const struct surface *surface, facet_tier tier, facet_vec3_in wo,
+                                double *u1, const double *u2, size_t n,
+                                const facet_samples *samples);
+
+/* What the diffuse part adds to the bound of an evaluation, and of a sample. */
+double api_surface_error(const struct surface *surface);
+double api_surface_sample_error(const struct surface *surface, facet_tier tier);
+
+/* Probability of a cosine sample: 0 without a diffuse part. */
+double api_diffuse_share(const struct surface *surface);
+
+#endif
