@@ -12,13 +12,19 @@ struct model {
     uint32_t masking, shear;
 };
 
+struct promise_of_quantity {
+    const char *quantity;
+    double bound, ns;
+};
+
 struct speed {
     const char *ndf;
     double bound, ns_per_eval;
+    struct list quantities; /* of struct promise_of_quantity */
 };
 
 struct tier {
-    const char *name;
+    const char *name, *domain;
     struct list models; /* of struct speed */
 };
 
@@ -46,16 +52,27 @@ static const struct field model_fields[] = {
     {0},
 };
 
+static const struct field quantity_fields[] = {
+    {F(promise_of_quantity, quantity), FIELD_TEXT, FIELD_MUST, .doc = "as in \"outputs\""},
+    {F(promise_of_quantity, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised"},
+    {F(promise_of_quantity, ns), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
+     .doc = "one, in a batch, measured for this answer on this machine"},
+    {0},
+};
+
 static const struct field speed_fields[] = {
     {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1"},
     {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
     {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
      .doc = "one fr, in a batch, measured for this answer on this machine"},
+    {F(speed, quantities), FIELD_LIST, FIELD_MUST, .fields = quantity_fields,
+     .size = sizeof(struct promise_of_quantity), .doc = "every output of that material"},
     {0},
 };
 
 static const struct field tier_fields[] = {
     {F(tier, name), FIELD_TEXT, FIELD_MUST, .doc = "as in \"tier\" and \"accuracy\""},
+    {F(tier, domain), FIELD_TEXT, FIELD_MUST, .doc = "where it promises anything; elsewhere the next tier is taken"},
     {F(tier, models), FIELD_LIST, FIELD_MUST, .fields = speed_fields, .size = sizeof(struct speed),
      .doc = "what it promises and costs"},
     {0},
@@ -105,6 +122,22 @@ static bool list_models(struct call *call, struct list *out)
     return true;
 }
 
+static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_tier tier, struct list *out)
+{
+    struct promise_of_quantity *list = api_arena_array(call->arena, FACET_QUANTITY_COUNT, sizeof *list);
+    if (!list) return api_problem_memory(call->problem);
+    *out = (struct list){0, list};
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+        struct promise_of_quantity *one = &list[out->count];
+        one->quantity = quantity_names[q];
+        if (!facet_bound(brdf, tier, (facet_quantity)q, 0, &one->bound)) continue;
+        if (!api_measure_eval(brdf, tier, (facet_quantity)q, call->arena, &one->ns))
+            return api_problem_memory(call->problem);
+        out->count++;
+    }
+    return true;
+}
+
 static bool describe_tier(struct call *call, int tier, struct tier *out)
 {
     static const facet_ndf analytic[] = {FACET_GGX, FACET_BECKMANN};
@@ -112,7 +145,7 @@ static bool describe_tier(struct call *call, int tier, struct tier *out)
     struct decoder decoder = {call->arena, call->problem};
     struct speed *speeds = api_arena_array(call->arena, COUNT, sizeof *speeds);
     if (!speeds) return api_problem_memory(call->problem);
-    *out = (struct tier){api_tier_names[tier], {0, speeds}};
+    *out = (struct tier){api_tier_names[tier], facet_tier_domain((facet_tier)tier), {0, speeds}};
     for (int i = 0; i < COUNT; i++) {
         struct material material;
         struct surface surface;
@@ -122,9 +155,11 @@ static bool describe_tier(struct call *call, int tier, struct tier *out)
         if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
         struct speed *speed = &speeds[out->models.count];
         speed->ndf = api_ndf_names[analytic[i]];
-        if (!facet_bound(surface.brdf, (facet_tier)tier, FACET_FR, 0, &speed->bound)) continue;
-        if (!api_measure_eval(surface.brdf, (facet_tier)tier, call->arena, &speed->ns_per_eval))
-            return api_problem_memory(call->problem);
+        if (!list_quantities(call, surface.brdf, (facet_tier)tier, &speed->quantities)) return false;
+        if (!speed->quantities.count) continue;
+        const struct promise_of_quantity *fr = speed->quantities.items; /* the first */
+        speed->bound = fr->bound;
+        speed->ns_per_eval = fr->ns;
         out->models.count++;
     }
     return true;

@@ -4,7 +4,8 @@
 
 #include <math.h>
 
-bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, struct arena *arena, double *ns)
+bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity, struct arena *arena,
+                      double *ns)
 {
     enum { N = 2048, REPEATS = 5 };
     double *v[7];
@@ -16,7 +17,7 @@ bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, struct arena *are
         v[3][i] = 0.6, v[4][i] = 0, v[5][i] = 0.8;
     }
     facet_outputs outputs = {{{NULL}}};
-    outputs.of[FACET_FR][0] = v[6];
+    outputs.of[quantity][0] = v[6];
     *ns = INFINITY;
     for (int i = 0; i < REPEATS; i++) {
         double start = api_clock();

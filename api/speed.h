@@ -5,7 +5,8 @@
 #include "arena.h"
 #include "facet.h"
 
-/* Nanoseconds per fr, one channel, the best of a few short batches; false: out of memory. */
-bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, struct arena *arena, double *ns);
+/* Nanoseconds per number of a quantity, one channel, the best of a few short batches; false: out of memory. */
+bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity, struct arena *arena,
+                      double *ns);
 
 #endif

@@ -203,6 +203,8 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
 bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, double input_error, double *bound);
 
 const char *facet_tier_name(facet_tier tier);
+/* For people: the materials it promises anything for (facet_bound decides). */
+const char *facet_tier_domain(facet_tier tier);
 
 /*
  * The instruction set in use ("base", "avx2", ...).  Select one to test or

@@ -20,10 +20,32 @@ packages() {
 }
 [ "${1:-}" != packages ] || { packages; exit; }
 
+# lib/accuracy.def as a table: a column a tier.
+promises() {
+    awk -F'[(,)]' '
+        /^ALL_QUANTITIES\([A-Z]/ { for (i = 2; i <= 8; i++) gsub(/ /, "", $i)
+            split("fr, fr_cos|pdf, D_vis|D|G, G1_i, G1_o|sigma_o", name, "|")
+            for (q = 1; q <= 5; q++) { key = tolower($3) " " name[q]; bound[key, $2] = $(q + 3); if (!(key in seen)) { seen[key]; order[++n] = key } } }
+        /^FRESNEL\([A-Z]/ { for (i = 2; i <= 5; i++) gsub(/ /, "", $i)
+            if ($3 != "IDEAL") { key = "F " tolower($3) " (and what it adds to fr)"
+                bound[key, $2] = $4 == $5 ? $4 : $4 " (" $5 ")"; if (!(key in seen)) { seen[key]; order[++n] = key } } }
+        END { print "| largest relative error of | draft | fast | exact32 | precise |\n|---|---|---|---|---|"
+            for (i = 1; i <= n; i++) { row = "| " order[i]
+                split("DRAFT FAST EXACT32 PRECISE", tier, " ")
+                for (t = 1; t <= 4; t++) row = row " | " ((order[i], tier[t]) in bound ? bound[order[i], tier[t]] : "-")
+                print row " |" } }' lib/accuracy.def
+}
+[ "${1:-}" != promises ] || { promises; exit; }
+
 # 1. the table of packages
 difference=$(diff <(packages) <(grep -E '^\|.*\|$' README.md | awk '/^\| Debian package/ {on = 1} on')) &&
     say ok packages || say FAIL packages "$difference
 tests/texts.sh packages prints the table README should have"
+
+# the table of promises
+difference=$(diff <(promises) <(grep -E '^\|.*\|$' README.md | awk '/^\| largest relative error/ {on = 1} /^\| Debian/ {on = 0} on')) &&
+    say ok promises || say FAIL promises "$difference
+tests/texts.sh promises prints the table README should have"
 
 # 2. every path in backticks exists, be it whole, a pattern, or one of its <placeholders>
 for text in README.md CONTRIBUTING.md lib/NOTATION.md; do

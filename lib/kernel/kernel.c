@@ -40,20 +40,26 @@ INLINE void store_vec3(void *const v[3], size_t k, struct vec3 x)
 #if defined(FACET_IO_double) && REAL_IS_FLOAT
 #define ROUNDS_INPUT 1
 
+INLINE struct doubles doubles_at(const void *array, size_t k)
+{
+    return load_doubles((const io *)array + k);
+}
+
+INLINE struct doubles sum_of(struct doubles a, struct doubles b)
+{
+    return (struct doubles){ { a.half[0] + b.half[0], a.half[1] + b.half[1] } };
+}
+
 INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
 {
-    struct doubles i[3], o[3];
-    struct given g = { .wi.x = splat(0) };
-    real *rounded[3][3] = { { &g.wi.x, &g.wi.y, &g.wi.z }, { &g.wo.x, &g.wo.y, &g.wo.z }, { &g.sum.x, &g.sum.y, &g.sum.z } };
-    for (int j = 0; j < 3; j++) {
-        i[j] = load_doubles((const io *)job->wi[j] + k);
-        o[j] = load_doubles((const io *)job->wo[j] + k);
-        struct doubles sum = { { i[j].half[0] + o[j].half[0], i[j].half[1] + o[j].half[1] } };
-        *rounded[0][j] = narrow(i[j]), *rounded[1][j] = narrow(o[j]), *rounded[2][j] = narrow(sum);
-    }
+    struct doubles ix = doubles_at(job->wi[0], k), iy = doubles_at(job->wi[1], k), iz = doubles_at(job->wi[2], k);
+    struct doubles ox = doubles_at(job->wo[0], k), oy = doubles_at(job->wo[1], k), oz = doubles_at(job->wo[2], k);
+    struct given g = { .wi = { narrow(ix), narrow(iy), narrow(iz) },
+                       .wo = { narrow(ox), narrow(oy), narrow(oz) },
+                       .sum = { narrow(sum_of(ix, ox)), narrow(sum_of(iy, oy)), narrow(sum_of(iz, oz)) } };
     if (m.shape != KERNEL_SHEARED) return g;
-    g.ci = mean_cosine_of_doubles(s, i[0], i[1], i[2]);
-    g.co = mean_cosine_of_doubles(s, o[0], o[1], o[2]);
+    g.ci = mean_cosine_of_doubles(s, ix, iy, iz);
+    g.co = mean_cosine_of_doubles(s, ox, oy, oz);
     return g;
 }
 #else

@@ -248,17 +248,22 @@ INLINE void store_rounded(io *p, real x) { _mm_storel_epi64((__m128i *)(void *)p
 INLINE void store(io *p, real x) { store_rounded(p, real_min(splat(FLT_MAX), x)); }
 #elif defined(FACET_IO_double) && REAL_IS_FLOAT
 /* Doubles for a float tier: what must be formed before they are rounded is formed in them. */
-INLINE struct doubles load_doubles(const io *p)
+INLINE half_lanes load_half(const io *p)
 {
-    struct doubles x;
+    half_lanes x;
     memcpy(&x, p, sizeof x);
     return x;
+}
+INLINE struct doubles load_doubles(const io *p)
+{
+    return (struct doubles){ { load_half(p), load_half(p + LANES / 2) } };
 }
 INLINE real load(const io *p) { return narrow(load_doubles(p)); }
 INLINE void store(io *p, real x)
 {
     struct doubles y = widen(x);
-    memcpy(p, &y, sizeof y);
+    memcpy(p, &y.half[0], sizeof y.half[0]);
+    memcpy(p + LANES / 2, &y.half[1], sizeof y.half[1]);
 }
 #elif defined(__SSE2__)
 INLINE real load(const io *p) { return VECTOR(loadu)(p); }
