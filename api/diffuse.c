@@ -144,3 +144,9 @@ facet_status api_surface_sample(const struct surface *surface, facet_tier tier, 
     }
     return FACET_OK;
 }
+
+double api_diffuse_albedo(const struct surface *surface, size_t channel, double specular)
+{
+    double kd = surface->has_diffuse ? surface->diffuse[channel] : 0;
+    return (1 - kd) * specular + kd;
+}

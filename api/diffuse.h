@@ -22,6 +22,9 @@ facet_status api_surface_sample(const struct surface *surface, facet_tier tier, 
 double api_surface_error(const struct surface *surface);
 double api_surface_sample_error(const struct surface *surface, facet_tier tier);
 
+/* The albedo of one channel from that of its specular part. */
+double api_diffuse_albedo(const struct surface *surface, size_t channel, double specular);
+
 /* Probability of a cosine sample: 0 without a diffuse part. */
 double api_diffuse_share(const struct surface *surface);
 

@@ -1,4 +1,5 @@
 /* POST /v1/albedo: what a surface reflects in all, by quadrature. */
+#include "diffuse.h"
 #include "endpoint.h"
 #include "evaluate.h"
 #include "facet_albedo.h"
@@ -82,6 +83,13 @@ static void widen(struct job *job, const facet_albedo_value *value, double more)
     }
 }
 
+/* (1 - kd) of the specular albedo, and kd: like signs, so that the error is at most the specular one. */
+static void add_diffuse(const struct job *job, facet_albedo_value *albedo)
+{
+    for (size_t c = 0; c < job->surface.channels; c++)
+        albedo->value[c] = api_diffuse_albedo(&job->surface, c, albedo->value[c]);
+}
+
 static bool compute(struct call *call, struct job *job)
 {
     struct api_trace *trace = &call->response->trace;
@@ -101,9 +109,15 @@ static bool compute(struct call *call, struct job *job)
     trace->compute_us += api_clock() - start;
     trace->evaluations += spent + mean;
     if (status) return api_problem_status(call->problem, status, NULL);
-    for (size_t i = 0; i < job->count; i++)
-        if (job->from[2][i] > 0) widen(job, &job->value[i], direction_error(job, i));
-    if (job->in->average) widen(job, &job->mean, 0);
+    for (size_t i = 0; i < job->count; i++) {
+        if (!(job->from[2][i] > 0)) continue;
+        widen(job, &job->value[i], direction_error(job, i));
+        add_diffuse(job, &job->value[i]);
+    }
+    if (job->in->average) {
+        widen(job, &job->mean, 0);
+        add_diffuse(job, &job->mean);
+    }
     return true;
 }
 

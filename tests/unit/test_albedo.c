@@ -480,6 +480,18 @@ TEST(the_rule_is_kronrods)
 
 /* ---- Over the wire ---------------------------------------------------------------------------- */
 
+/* f = (1 - kd) specular + kd / pi: the albedo of a mirror-like half and of a white half. */
+TEST(a_diffuse_part_counts)
+{
+    struct answer plain = ask_post("/v1/albedo", "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0.6,0,0.8]],\"tolerance\":1e-7}");
+    struct answer mixed = ask_post("/v1/albedo", "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"diffuse\":0.25},\"wo\":[[0.6,0,0.8]],\"tolerance\":1e-7}");
+    double specular = answer_number(&plain, "albedo", 0);
+    CHECK(specular > 0.5 && specular < 1);
+    CHECK_REL(answer_number(&mixed, "albedo", 0), 0.75 * specular + 0.25, 2e-7, 0);
+    answer_clear(&plain);
+    answer_clear(&mixed);
+}
+
 TEST(requests)
 {
     struct answer a = ask_post("/v1/albedo", "{\"material\":{\"alpha\":1},\"wo\":[[0,0,1],[0,0,-1]],\"average\":true,"
