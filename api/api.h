@@ -25,6 +25,12 @@ struct api_request {
     /* Asked now and then by long work; true ends it.  NULL: never. */
     bool (*cancelled)(void *user);
     void *user;
+    /*
+     * Runs task(arg, 0) .. task(arg, count - 1), on other threads too, and returns when all have
+     * ended.  NULL: there are no others.
+     */
+    void (*share)(void *crew, size_t count, void (*task)(void *arg, size_t index), void *arg);
+    void *crew;
 };
 
 /* Where the time went and what was computed, for the server's log; 0 or NULL where unknown. */

@@ -7,8 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-#include <math.h>
-
 static const bool is_coloured[] = {
 #define QUANTITY(id, name, coloured, doc) coloured,
 #include "quantities.def"
@@ -21,6 +19,19 @@ static const char *const names[] = {
 #undef QUANTITY
 };
 
+/* Chunks in work at a time, a worker each where the server shares them. */
+enum { SLOTS = 8 };
+
+/* One chunk: where it is computed and what came of it. */
+struct slot {
+    double *directions[6]; /* wi, wo */
+    facet_outputs outputs;
+    struct results part[FACET_QUANTITY_COUNT];
+    size_t at, n;
+    facet_status status;
+    double compute_us, encode_us;
+};
+
 struct job {
     struct evaluation *evaluation;
     struct surface surface;
@@ -29,8 +40,8 @@ struct job {
     double condition;   /* facet_condition of all pairs */
     double input_error; /* of the directions, times facet_closeness of all pairs */
     size_t channels;
-    double *directions[6]; /* wi, wo */
-    facet_outputs outputs;
+    struct slot slots[SLOTS];
+    size_t slot_count;
     struct results results[FACET_QUANTITY_COUNT];
     struct progress *progress; /* of a stream */
 };
@@ -86,17 +97,27 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 }
 
 /* Room for one chunk of directions and outputs. */
-static bool allocate(struct job *job, struct arena *arena)
+static bool allocate_slot(struct job *job, struct slot *slot, struct arena *arena)
 {
     size_t n = chunk_of(job, 0);
     for (int k = 0; k < 6; k++)
-        if (!(job->directions[k] = api_arena_doubles(arena, n))) return false;
+        if (!(slot->directions[k] = api_arena_doubles(arena, n))) return false;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         if (!asked(job->evaluation, q)) continue;
         size_t columns = is_coloured[q] ? job->surface.channels : 1;
         for (size_t c = 0; c < columns; c++)
-            if (!(job->outputs.of[q][c] = api_arena_doubles(arena, n))) return false;
+            if (!(slot->outputs.of[q][c] = api_arena_doubles(arena, n))) return false;
     }
+    return true;
+}
+
+/* As many slots as there are chunks to share. */
+static bool allocate(const struct call *call, struct job *job)
+{
+    size_t chunks = (job->pairs.pairing.count + CHUNK - 1) / CHUNK;
+    job->slot_count = call->request->share && chunks > 1 ? chunks < SLOTS ? chunks : SLOTS : 1;
+    for (size_t i = 0; i < job->slot_count; i++)
+        if (!allocate_slot(job, &job->slots[i], call->arena)) return false;
     return true;
 }
 
@@ -114,8 +135,9 @@ static bool find_condition(struct call *call, struct job *job)
         double condition;
         n = chunk_of(job, i);
         if (!api_still_wanted(call)) return false;
-        api_pairs_fill(&job->pairs, i, n, job->directions);
-        facet_vec3_in wi = in(job->directions), wo = in(job->directions + 3);
+        double *const *directions = job->slots[0].directions;
+        api_pairs_fill(&job->pairs, i, n, directions);
+        facet_vec3_in wi = in(directions), wo = in(directions + 3);
         facet_status status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         if (status) return api_problem_status(call->problem, status, NULL);
         job->condition = fmax(job->condition, condition);
@@ -126,39 +148,101 @@ static bool find_condition(struct call *call, struct job *job)
     return true;
 }
 
-static bool print_one(struct call *call, struct job *job, int q, size_t n)
+/* Some chunks of some quantities, a slot each. */
+struct round {
+    struct job *job;
+    uint32_t outputs;
+};
+
+/* On any thread: nothing of the request but its slot is written. */
+static void run_slot(void *round_, size_t index)
 {
-    double *const *of = job->outputs.of[q];
-    double *columns[3] = {of[0], of[1] ? of[1] : of[0], of[2] ? of[2] : of[0]};
-    return api_results_add(&job->results[q], columns, n) ||
-           api_results_check(&job->results[q], names[q], "pair", call->problem);
+    const struct round *round = round_;
+    struct job *job = round->job;
+    struct slot *slot = &job->slots[index];
+    facet_outputs outputs = {0};
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        for (int c = 0; c < 3 && round->outputs >> q & 1; c++) outputs.of[q][c] = slot->outputs.of[q][c];
+    double start = api_clock();
+    api_pairs_fill(&job->pairs, slot->at, slot->n, slot->directions);
+    slot->status = api_surface_eval(&job->surface, job->promise.tier, in(slot->directions),
+                                    in(slot->directions + 3), slot->n, &outputs);
+    double computed = api_clock();
+    for (int q = 0; q < FACET_QUANTITY_COUNT && !slot->status; q++) {
+        double *const *of = outputs.of[q];
+        double *columns[3] = {of[0], of[1] ? of[1] : of[0], of[2] ? of[2] : of[0]};
+        /* A fault stays in the part, where join finds it. */
+        if (round->outputs >> q & 1) (void)api_results_add(&slot->part[q], columns, slot->n);
+    }
+    slot->compute_us = computed - start;
+    slot->encode_us = api_clock() - computed;
 }
 
-static bool print_chunk(struct call *call, struct job *job, size_t n)
+static void close_arena(void *arena)
 {
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        if (asked(job->evaluation, q) && !print_one(call, job, q, n)) return false;
+    api_arena_close(arena);
+}
+
+/* The slot's chunk from `at` on, its text in an arena of its own that `owner` ends. */
+static bool prepare_slot(struct job *job, struct slot *slot, uint32_t outputs, size_t at, struct arena *owner)
+{
+    struct arena *arena = api_arena_array(owner, 1, sizeof *arena);
+    if (!arena) return false;
+    api_arena_open(arena, LIMIT_REQUEST_MEMORY);
+    if (!api_arena_defer(owner, close_arena, arena)) return false;
+    slot->at = at;
+    slot->n = chunk_of(job, at);
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+        if (!(outputs >> q & 1)) continue;
+        slot->part[q] = job->results[q];
+        slot->part[q].text = api_text(arena);
+        slot->part[q].count = at;
+    }
+    return true;
+}
+
+static bool join_slot(struct call *call, struct job *job, struct slot *slot, uint32_t outputs)
+{
+    struct api_trace *trace = &call->response->trace;
+    if (slot->status) return api_problem_status(call->problem, slot->status, NULL);
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+        if (!(outputs >> q & 1)) continue;
+        if (slot->part[q].fault != RESULTS_SOUND)
+            return api_results_check(&slot->part[q], names[q], "pair", call->problem);
+        api_text_join(&job->results[q].text, &slot->part[q].text);
+        job->results[q].count = slot->part[q].count;
+    }
+    trace->compute_us += slot->compute_us;
+    trace->encode_us += slot->encode_us;
+    return true;
+}
+
+/* Chunks from *at on, as many as there are slots, into the results; *at moves on. */
+static bool run_round(struct call *call, struct job *job, uint32_t outputs, struct arena *owner, size_t *at)
+{
+    const struct api_request *request = call->request;
+    struct round round = {job, outputs};
+    size_t used = 0;
+    if (!api_still_wanted(call)) return false;
+    while (used < job->slot_count && *at < job->pairs.pairing.count) {
+        struct slot *slot = &job->slots[used++];
+        if (!prepare_slot(job, slot, outputs, *at, owner)) return api_problem_memory(call->problem);
+        *at += slot->n;
+    }
+    if (used > 1)
+        request->share(request->crew, used, run_slot, &round);
+    else
+        run_slot(&round, 0);
+    for (size_t i = 0; i < used; i++)
+        if (!join_slot(call, job, &job->slots[i], outputs)) return false;
     return true;
 }
 
 static bool compute(struct call *call, struct job *job)
 {
-    struct api_trace *trace = &call->response->trace;
-    for (size_t i = 0, n; i < job->pairs.pairing.count; i += n) {
-        n = chunk_of(job, i);
-        if (!api_still_wanted(call)) return false;
-        double start = api_clock();
-        api_pairs_fill(&job->pairs, i, n, job->directions);
-        facet_status status =
-            api_surface_eval(&job->surface, job->promise.tier, in(job->directions),
-                             in(job->directions + 3), n, &job->outputs);
-        if (status) return api_problem_status(call->problem, status, NULL);
-        double computed = api_clock();
-        trace->compute_us += computed - start;
-        if (!print_chunk(call, job, n)) return false;
-        trace->encode_us += api_clock() - computed;
-        trace->evaluations += n;
-    }
+    for (size_t at = 0; at < job->pairs.pairing.count;)
+        if (!run_round(call, job, job->evaluation->outputs, call->arena, &at)) return false;
+    call->response->trace.evaluations += job->pairs.pairing.count;
     return true;
 }
 
@@ -231,19 +315,6 @@ static void mark_arrays(struct job *job, struct arena *arena)
     }
 }
 
-/* One chunk of one quantity. */
-static bool compute_one(struct call *call, struct job *job, int q, size_t at, size_t n)
-{
-    facet_outputs outputs = {0};
-    if (!api_still_wanted(call)) return false;
-    for (int c = 0; c < 3; c++) outputs.of[q][c] = job->outputs.of[q][c];
-    api_pairs_fill(&job->pairs, at, n, job->directions);
-    facet_status status = facet_eval(job->surface.brdf, job->promise.tier, in(job->directions),
-                                     in(job->directions + 3), n, &outputs);
-    if (status) return api_problem_status(call->problem, status, NULL);
-    return print_one(call, job, q, n);
-}
-
 /* The skeleton up to the next array, or its end. */
 static void put_skeleton(struct progress *progress, struct text *block)
 {
@@ -260,7 +331,6 @@ static bool produce(struct call *call, struct text *block, bool *ended)
     const struct evaluation *evaluation = job->evaluation;
     struct progress *progress = job->progress;
     struct results *results = evaluation->arrays[progress->array].results;
-    size_t n = chunk_of(job, progress->at);
     if (!progress->at) {
         put_skeleton(progress, block);
         results->count = job->pairs.pairing.count;
@@ -269,8 +339,8 @@ static bool produce(struct call *call, struct text *block, bool *ended)
                             results->digits);
     }
     if (progress->at) results->text = api_text(block->arena);
-    if (!compute_one(call, job, (int)(results - job->results), progress->at, n)) return false;
-    progress->at += n;
+    uint32_t quantity = UINT32_C(1) << (results - job->results);
+    if (!run_round(call, job, quantity, block->arena, &progress->at)) return false;
     if (progress->at == job->pairs.pairing.count) {
         api_results_close(results);
         progress->array++;
@@ -343,7 +413,7 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     if (!job->channels ||
         !api_numbers_fit(job->pairs.pairing.count, numbers_per_pair(job), call->problem))
         return false;
-    if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
+    if (!allocate(call, job)) return api_problem_memory(call->problem);
     list_arrays(job);
     if (!api_represent(call, evaluation->dtype, evaluation->accuracy, evaluation->array_count,
                        &evaluation->representation) ||

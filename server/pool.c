@@ -7,8 +7,19 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+/* Tasks that idle workers take a hand in; on the stack of who shares them. */
+struct share {
+    struct share *next;
+    void (*task)(void *arg, size_t index);
+    void *arg;
+    size_t taken, count;
+    unsigned helpers; /* running a task of it */
+};
+
 struct pool {
     pthread_mutex_t mutex;
+    pthread_cond_t helped; /* a helper has ended */
+    struct share *shares;
     pthread_cond_t work;
     struct pool_job *first, **last; /* waiting, oldest first */
     struct pool_job *done;          /* finished, newest first */
@@ -30,12 +41,60 @@ static void finish(struct pool *pool, struct pool_job *job)
     }
 }
 
+/* Tasks of a share until none is left; the mutex is held on entry and on return. */
+static void take_tasks(struct pool *pool, struct share *share)
+{
+    while (share->taken < share->count) {
+        size_t index = share->taken++;
+        pthread_mutex_unlock(&pool->mutex);
+        share->task(share->arg, index);
+        pthread_mutex_lock(&pool->mutex);
+    }
+}
+
+static struct share *open_share(const struct pool *pool)
+{
+    struct share *share = pool->shares;
+    while (share && share->taken == share->count) share = share->next;
+    return share;
+}
+
+void pool_share(struct pool *pool, size_t count, void (*task)(void *arg, size_t index), void *arg)
+{
+    struct share share = {.task = task, .arg = arg, .count = count};
+    pthread_mutex_lock(&pool->mutex);
+    share.next = pool->shares;
+    pool->shares = &share;
+    pthread_cond_broadcast(&pool->work);
+    take_tasks(pool, &share);
+    while (share.helpers) pthread_cond_wait(&pool->helped, &pool->mutex);
+    struct share **at = &pool->shares;
+    while (*at != &share) at = &(*at)->next;
+    *at = share.next;
+    pthread_mutex_unlock(&pool->mutex);
+}
+
+/* Waiting requests first: a helper is who would be idle. */
+static bool help(struct pool *pool)
+{
+    struct share *share = pool->first ? NULL : open_share(pool);
+    if (!share) return false;
+    share->helpers++;
+    take_tasks(pool, share);
+    if (!--share->helpers) pthread_cond_broadcast(&pool->helped);
+    return true;
+}
+
 static void *work(void *user)
 {
     struct pool *pool = user;
     pthread_mutex_lock(&pool->mutex);
     for (;;) {
-        while (!pool->first && !pool->stopping) pthread_cond_wait(&pool->work, &pool->mutex);
+        if (help(pool)) continue;
+        if (!pool->first && !pool->stopping) {
+            pthread_cond_wait(&pool->work, &pool->mutex);
+            continue;
+        }
         if (!pool->first) break;
         struct pool_job *job = pool->first;
         pool->first = job->next;
@@ -60,7 +119,10 @@ static struct pool *allocate(unsigned workers, unsigned queue_max)
     if (pool->fd < 0) goto no_fd;
     if ((errno = pthread_mutex_init(&pool->mutex, NULL))) goto no_mutex;
     if ((errno = pthread_cond_init(&pool->work, NULL))) goto no_cond;
+    if ((errno = pthread_cond_init(&pool->helped, NULL))) goto no_helped;
     return pool;
+no_helped:
+    pthread_cond_destroy(&pool->work);
 no_cond:
     pthread_mutex_destroy(&pool->mutex);
 no_mutex:
@@ -148,6 +210,7 @@ void pool_destroy(struct pool *pool)
     pthread_cond_broadcast(&pool->work);
     pthread_mutex_unlock(&pool->mutex);
     for (unsigned i = 0; i < pool->thread_count; i++) pthread_join(pool->threads[i], NULL);
+    pthread_cond_destroy(&pool->helped);
     pthread_cond_destroy(&pool->work);
     pthread_mutex_destroy(&pool->mutex);
     close(pool->fd);

@@ -8,6 +8,7 @@
 #define POOL_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 /* Embed it in what is to be done; the pool allocates nothing per job. */
 struct pool_job {
@@ -29,6 +30,12 @@ bool pool_withdraw(struct pool *pool, struct pool_job *job);
 /* Poll this for reading, then collect until NULL. */
 int pool_fd(const struct pool *pool);
 struct pool_job *pool_collect(struct pool *pool);
+
+/*
+ * On a worker: task(arg, 0) .. task(arg, count - 1), helped by workers that have nothing else to do;
+ * returns when all have ended.
+ */
+void pool_share(struct pool *pool, size_t count, void (*task)(void *arg, size_t index), void *arg);
 
 /* Jobs submitted and neither collected nor withdrawn. */
 unsigned pool_pending(const struct pool *pool);
