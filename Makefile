@@ -54,7 +54,8 @@ INC_lib    := -iquote lib -ffp-contract=off
 INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
 INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
-LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
+SERVER_LIBS := -lmicrohttpd -lseccomp -lpthread
+LDLIBS     := -lmicrohttpd -lseccomp -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
@@ -71,7 +72,7 @@ all: $(B)/facetd
 $(B)/facetd: $(SERVER_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
 $(B)/tests/server/facetd-fake: $(SERVER_O) $(B)/tests/server/fake_api.o
-	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lmicrohttpd -lpthread
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(SERVER_LIBS)
 $(TESTS_SERVER): $(B)/tests/server/daemon.o | $(B)/facetd $(B)/tests/server/facetd-fake
 $(B)/libfacet.a: $(LIB_O)
 $(B)/libapi.a: $(API_O)
@@ -157,6 +158,10 @@ test: ## install what is missing, build, run every test; ends with "N passed, N 
 	@$(MAKE) --no-print-directory deps WHEN='build run test'
 	@tests/run.sh
 
+test-extras: ## install what `make test` does without, and run the tests that skipped for want of it
+	@$(MAKE) --no-print-directory deps WHEN='build run test test-extras'
+	@tests/run.sh build extras
+
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
 
@@ -198,6 +203,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers check-vectorised clean run test demo container install help deps deps-check
+.PHONY: all openapi clients check check-layers check-vectorised clean run test test-extras bench-http demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
