@@ -85,6 +85,15 @@ static enum MHD_Result note_header(void *user, enum MHD_ValueKind kind, const ch
     return MHD_YES;
 }
 
+void head_note_target(struct head_line *line, const char *target)
+{
+    line->target = target;
+    line->target_length = strlen(target);
+    line->target_fault = strstr(target, "%00") ? "%00 in the target" : NULL;
+    for (const char *at = target; *at; at++)
+        if (*at <= ' ' || *at > '~') line->target_fault = "the target is not visible ASCII";
+}
+
 static const char *line_fault(const struct head_line *line)
 {
     if (!is_token(line->method, strlen(line->method))) return "the method is not a token";
@@ -94,7 +103,7 @@ static const char *line_fault(const struct head_line *line)
         strlen(line->version) != strlen("HTTP/1.1"))
         return "the request line is not METHOD TARGET VERSION with one space between them";
 #endif
-    return NULL;
+    return line->target_fault;
 }
 
 struct head head_read(struct MHD_Connection *connection, const struct head_line *line)

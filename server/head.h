@@ -15,8 +15,13 @@
 /* Where libmicrohttpd keeps the parts of the request line, as they lie in its buffer. */
 struct head_line {
     const char *method, *target, *version;
-    size_t target_length; /* before libmicrohttpd decoded the target in place */
+    /* Before libmicrohttpd decoded the target in place: */
+    size_t target_length;
+    const char *target_fault;
 };
+
+/* To be called with the target as it came. */
+void head_note_target(struct head_line *line, const char *target);
 
 struct head {
     const char *fault; /* NULL, or why the request cannot be told apart from its neighbours */

@@ -155,8 +155,7 @@ static void *on_target(void *user, const char *target, struct MHD_Connection *co
     if (!client || !target) return NULL;
     if (!request_start(&client->request, target)) return NULL;
     client->request.site = http->config.site;
-    client->line.target = target;
-    client->line.target_length = strlen(target);
+    head_note_target(&client->line, target);
     client->phase = CLIENT_HEADERS;
     client->deadline_us = clock_us() + seconds(http->options->header_timeout);
     gauge(http, METRIC_ACTIVE, ++http->active_count);
