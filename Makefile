@@ -95,12 +95,16 @@ $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS) $(LDLIBS_$(notdir $@))
 
 # ---- the black-box client: shares no code with the product -------------------------
-CLIENTS  := client abuse readme
+CLIENTS  := client abuse readme torture
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
 $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lcurl -ljansson -lz -lpthread -lm
-clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
+# Preloaded into a daemon: fails one call of it.
+$(B)/tests/torture/libfault.so: tests/torture/fault.c tests/torture/fault.h
+	@mkdir -p $(@D)
+	gcc $(BASE) -g -O1 -fPIC -shared -fvisibility=default -o $@ $< -ldl
+clients: $(B)/tests/torture/libfault.so $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
 
 # The quad-precision reference: always gcc (clang has no quadmath.h), never instrumented (it is slow enough).
 REFERENCE_O := $(patsubst %.c,$(B)/%.o,$(wildcard tests/accuracy/reference*.c))
@@ -158,6 +162,9 @@ test: ## install what is missing, build, run every test; ends with "N passed, N 
 	@$(MAKE) --no-print-directory deps WHEN='build run test'
 	@tests/run.sh
 
+torture: all clients ## fail every allocation and system call of every case's request, of start and end (3 minutes)
+	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes
+
 test-extras: ## install what `make test` does without, and run the tests that skipped for want of it
 	@$(MAKE) --no-print-directory deps WHEN='build run test test-extras'
 	@tests/run.sh build extras
@@ -203,6 +210,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all openapi clients check check-layers check-vectorised clean run test test-extras bench-http demo container install help deps deps-check
+.PHONY: all openapi clients check check-layers check-vectorised clean run test test-extras torture bench-http soak demo container install help deps deps-check
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -30,7 +30,7 @@ struct loop {
     int signal_fd;
     bool draining, cancelled, lingering;
     int64_t reap_us, drained_us; /* when to reap next; when the time to drain is over */
-    struct pollfd *fds;
+    struct pollfd fds[];
 };
 
 int loop_signals(void)
@@ -111,7 +111,8 @@ static void turn(struct loop *loop)
         return;
     }
     http_watched(http, fds + first, watched);
-    if (fds[POLL_POOL].revents) http_collect(http);
+    /* At every tick as well: should the workers' wake-up fail, a request waits that long at most. */
+    if (fds[POLL_POOL].revents || clock_us() >= loop->reap_us) http_collect(http);
     accept_watched(&loop->acceptor, fds + POLL_LISTEN, listening);
     if (fds[POLL_SIGNAL].revents) on_signal(loop);
     http_turn(http);
@@ -138,18 +139,31 @@ static bool drained(struct loop *loop)
     return false;
 }
 
-int loop_run(struct http *http, struct pool *pool, struct listeners *listeners, int signal_fd,
-             const struct options *options)
+struct loop *loop_create(struct http *http, struct pool *pool, struct listeners *listeners,
+                         int signal_fd, const struct options *options)
 {
-    struct loop loop = {.http = http, .pool = pool, .options = options, .signal_fd = signal_fd};
-    loop.acceptor = (struct acceptor){.http = http, .listeners = listeners};
-    loop.fds = calloc(POLL_MIN + (size_t)(options->workers + options->queue), sizeof *loop.fds);
-    if (!loop.fds) {
-        log_line("event=failure call=calloc reason=\"out of memory\"");
-        return -1;
+    const size_t fds = POLL_MIN + (size_t)(options->workers + options->queue);
+    struct loop *loop = calloc(1, sizeof *loop + fds * sizeof *loop->fds);
+    if (!loop) {
+        fputs("facetd: out of memory\n", stderr);
+        return NULL;
     }
-    while (!drained(&loop)) turn(&loop);
-    accept_end(&loop.acceptor);
-    free(loop.fds);
-    return loop.cancelled;
+    loop->http = http;
+    loop->pool = pool;
+    loop->options = options;
+    loop->signal_fd = signal_fd;
+    loop->acceptor = (struct acceptor){.http = http, .listeners = listeners};
+    return loop;
+}
+
+bool loop_run(struct loop *loop)
+{
+    while (!drained(loop)) turn(loop);
+    accept_end(&loop->acceptor);
+    return !loop->cancelled;
+}
+
+void loop_destroy(struct loop *loop)
+{
+    free(loop);
 }

@@ -61,19 +61,32 @@ static bool reserve_descriptors(struct options *options)
     return true;
 }
 
+/* Without stdio, whose printf forgets its text when it gets no memory. */
+static bool say(const char *what, const char *name)
+{
+    char line[LISTEN_NAME_MAX + 32];
+    size_t size = (size_t)snprintf(line, sizeof line, "%s %s\n", what, name), done = 0;
+    while (done < size) {
+        ssize_t n = write(STDOUT_FILENO, line + done, size - done);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) {
+            fprintf(stderr, "facetd: stdout: %s\n", strerror(errno));
+            return false;
+        }
+        done += (size_t)n;
+    }
+    return true;
+}
+
 static bool announce(const struct listeners *main_ones, const struct listeners *admin)
 {
     for (size_t i = 0; i < main_ones->count; i++) {
-        printf("listening on %s\n", main_ones->list[i].name);
         log_line("event=start url=%s version=%s", main_ones->list[i].name, FACET_VERSION);
+        if (!say("listening on", main_ones->list[i].name)) return false;
     }
     for (size_t i = 0; i < admin->count; i++) {
-        printf("admin on %s\n", admin->list[i].name);
         log_line("event=start admin=%s", admin->list[i].name);
-    }
-    if (fflush(stdout)) {
-        fprintf(stderr, "facetd: stdout: %s\n", strerror(errno));
-        return false;
+        if (!say("admin on", admin->list[i].name)) return false;
     }
     log_flush();
     systemd_notify("READY=1");
@@ -88,6 +101,7 @@ struct parts {
     struct listeners main_ones, admin_ones;
     struct pool *pool;
     struct http *http;
+    struct loop *loop;
     struct admin *admin;
 };
 
@@ -110,6 +124,8 @@ static bool begin(struct parts *parts)
         .max_connections = (size_t)options->max_connections,
     });
     if (!parts->http) return false;
+    parts->loop = loop_create(parts->http, parts->pool, &parts->main_ones, parts->signal_fd, options);
+    if (!parts->loop) return false;
     if (parts->admin_ones.count && !(parts->admin = admin_start(options, &parts->admin_ones)))
         return false;
     return sandbox_calls(options->sandbox) && announce(&parts->main_ones, &parts->admin_ones);
@@ -118,19 +134,19 @@ static bool begin(struct parts *parts)
 /* The exit code. */
 static int serve(struct parts *parts)
 {
-    int result = -1;
-    if (begin(parts)) {
-        result = loop_run(parts->http, parts->pool, &parts->main_ones, parts->signal_fd,
-                          parts->options);
-        log_line("event=stop clean=%s", result ? "no" : "yes");
+    bool well = begin(parts);
+    if (well) {
+        well = loop_run(parts->loop);
+        log_line("event=stop clean=%s", well ? "yes" : "no");
         log_flush();
     }
     admin_stop(parts->admin);
+    loop_destroy(parts->loop);
     http_destroy(parts->http);
     pool_destroy(parts->pool);
     listeners_close(&parts->main_ones);
     listeners_close(&parts->admin_ones);
-    return result ? 1 : 0;
+    return well ? 0 : 1;
 }
 
 int main(int argc, char **argv)

@@ -33,14 +33,19 @@ static bool is(const char *mode, const char *word)
     return !strcmp(mode, word);
 }
 
-/* A part that is missing: fatal if it was demanded. */
-static bool missing(const char *mode, const char *part, const char *why)
+/*
+ * A part that is missing: fatal if it was demanded, and also where the reason is not the kernel's
+ * age or its owner's choice (ECANCELED is libseccomp's word for what the kernel says).
+ */
+static bool missing(const char *mode, const char *part, int error)
 {
-    if (is(mode, "on")) {
-        fprintf(stderr, "facetd: --sandbox on: no %s: %s\n", part, why);
+    const bool kernel = error == ENOSYS || error == EOPNOTSUPP || error == EPERM ||
+                        error == ECANCELED;
+    if (is(mode, "on") || !kernel) {
+        fprintf(stderr, "facetd: --sandbox %s: no %s: %s\n", mode, part, strerror(error));
         return false;
     }
-    log_line("event=sandbox part=%s state=off reason=\"%s\"", part, why);
+    log_line("event=sandbox part=%s state=off reason=\"%s\"", part, strerror(error));
     return true;
 }
 
@@ -49,7 +54,7 @@ static bool applies(const char *mode, const char *part, bool *result)
     *result = true;
     if (is(mode, "off")) log_line("event=sandbox part=%s state=off reason=\"option\"", part);
     if (is(mode, "off")) return false;
-    if (SANITIZED) *result = missing(mode, part, "built with a sanitizer");
+    if (SANITIZED) *result = missing(mode, part, ENOTSUP);
     return !SANITIZED;
 }
 
@@ -103,17 +108,17 @@ bool sandbox_files(const char *mode, const struct listeners *main_ones,
     bool result;
     if (!applies(mode, "landlock", &result)) return result;
     const long version = landlock_version();
-    if (version < 1) return missing(mode, "landlock", strerror(errno));
+    if (version < 1) return missing(mode, "landlock", errno);
     const struct ruleset all = everything(version);
     const size_t size = version >= 4 ? sizeof all : sizeof all.files;
     int fd = (int)syscall(SYS_landlock_create_ruleset, &all, size, 0);
-    if (fd < 0) return missing(mode, "landlock", strerror(errno));
+    if (fd < 0) return missing(mode, "landlock", errno);
     bool closed = allow_removal(fd, main_ones) && allow_removal(fd, admin) &&
                   !prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) &&
                   !syscall(SYS_landlock_restrict_self, fd, 0);
     int error = errno;
     close(fd);
-    if (!closed) return missing(mode, "landlock", strerror(error));
+    if (!closed) return missing(mode, "landlock", error);
     log_line("event=sandbox part=landlock state=on version=%ld", version);
     return true;
 }
@@ -163,13 +168,13 @@ bool sandbox_calls(const char *mode)
     bool result;
     if (!applies(mode, "seccomp", &result)) return result;
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
-    if (!filter) return missing(mode, "seccomp", "out of memory");
+    if (!filter) return missing(mode, "seccomp", ENOMEM);
     int bad = seccomp_attr_set(filter, SCMP_FLTATR_CTL_TSYNC, 1);
     if (!bad) bad = seccomp_attr_set(filter, SCMP_FLTATR_CTL_OPTIMIZE, 2); /* a binary tree */
     if (!bad) bad = add_rules(filter);
     if (!bad) bad = seccomp_load(filter);
     seccomp_release(filter);
-    if (bad) return missing(mode, "seccomp", strerror(-bad));
+    if (bad) return missing(mode, "seccomp", -bad);
     log_line("event=sandbox part=seccomp state=on calls=%zu", sizeof allowed / sizeof *allowed + 3);
     return true;
 }
