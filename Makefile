@@ -95,7 +95,7 @@ $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS) $(LDLIBS_$(notdir $@))
 
 # ---- the black-box client: shares no code with the product -------------------------
-CLIENTS  := client abuse readme torture
+CLIENTS  := client abuse readme torture load
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
 $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
@@ -164,6 +164,16 @@ test: ## install what is missing, build, run every test; ends with "N passed, N 
 
 torture: all clients ## fail every allocation and system call of every case's request, of start and end (3 minutes)
 	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes
+
+bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections
+	@$(MAKE) --no-print-directory deps WHEN='bench-http test-extras'
+	@$(MAKE) -s --no-print-directory clients
+	@tests/bench_http.sh $(B)/facetd
+	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 0 --idle 8000
+
+SOAK ?= 1800
+soak: all clients ## SOAK seconds (1800) of mixed load, half of it wrong or given up: every answer right, memory steady
+	$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds $(SOAK)
 
 test-extras: ## install what `make test` does without, and run the tests that skipped for want of it
 	@$(MAKE) --no-print-directory deps WHEN='build run test test-extras'

@@ -61,32 +61,33 @@ static bool reserve_descriptors(struct options *options)
     return true;
 }
 
-/* Without stdio, whose printf forgets its text when it gets no memory. */
-static bool say(const char *what, const char *name)
+static size_t put_name(char *to, size_t size, const char *what, const struct listener *listener)
 {
-    char line[LISTEN_NAME_MAX + 32];
-    size_t size = (size_t)snprintf(line, sizeof line, "%s %s\n", what, name), done = 0;
+    log_line("event=start %s=%s version=%s", what, listener->name, FACET_VERSION);
+    int n = snprintf(to, size, "%s on %s\n", what, listener->name);
+    return n < 0 ? 0 : (size_t)n;
+}
+
+/*
+ * In one piece, for a reader may go after the first line; without stdio, whose printf forgets its
+ * text when it gets no memory.
+ */
+static bool announce(const struct listeners *main_ones, const struct listeners *admin)
+{
+    char text[2 * LISTEN_MAX * (LISTEN_NAME_MAX + 16)];
+    size_t size = 0, done = 0;
+    for (size_t i = 0; i < main_ones->count; i++)
+        size += put_name(text + size, sizeof text - size, "listening", &main_ones->list[i]);
+    for (size_t i = 0; i < admin->count; i++)
+        size += put_name(text + size, sizeof text - size, "admin", &admin->list[i]);
     while (done < size) {
-        ssize_t n = write(STDOUT_FILENO, line + done, size - done);
+        ssize_t n = write(STDOUT_FILENO, text + done, size - done);
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0) {
             fprintf(stderr, "facetd: stdout: %s\n", strerror(errno));
             return false;
         }
         done += (size_t)n;
-    }
-    return true;
-}
-
-static bool announce(const struct listeners *main_ones, const struct listeners *admin)
-{
-    for (size_t i = 0; i < main_ones->count; i++) {
-        log_line("event=start url=%s version=%s", main_ones->list[i].name, FACET_VERSION);
-        if (!say("listening on", main_ones->list[i].name)) return false;
-    }
-    for (size_t i = 0; i < admin->count; i++) {
-        log_line("event=start admin=%s", admin->list[i].name);
-        if (!say("admin on", admin->list[i].name)) return false;
     }
     log_flush();
     systemd_notify("READY=1");

@@ -95,6 +95,12 @@ torture() {
         --flags --sandbox=off
 }
 
+# Many clients at once, each getting its own answer; `make soak` takes half an hour.
+load() {
+    build/release/tests/client/facet_load --daemon build/release/facetd --cases tests/client/cases \
+        --seconds 4 --idle 500
+}
+
 # What needs packages that `make test` does without.
 extras() {
     make -s -j"$jobs" build/release/tests/server/test_{hostile,listeners,packaging} &&
@@ -117,6 +123,7 @@ step daemons      daemons
 step cases        cases release
 step abuse        abuse release yes
 step torture      torture
+step load         load
 step cases-asan   cases asan
 step abuse-asan   abuse asan no
 step cases-tsan   cases tsan
