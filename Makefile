@@ -54,8 +54,7 @@ INC_lib    := -iquote lib -ffp-contract=off
 INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
 INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
-SERVER_LIBS := -lmicrohttpd -lseccomp -lpthread
-LDLIBS     := -lmicrohttpd -lseccomp -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
+LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lpthread -lm
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
@@ -72,7 +71,7 @@ all: $(B)/facetd
 $(B)/facetd: $(SERVER_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
 $(B)/tests/server/facetd-fake: $(SERVER_O) $(B)/tests/server/fake_api.o
-	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(SERVER_LIBS)
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lmicrohttpd -lpthread
 $(TESTS_SERVER): $(B)/tests/server/daemon.o | $(B)/facetd $(B)/tests/server/facetd-fake
 $(B)/libfacet.a: $(LIB_O)
 $(B)/libapi.a: $(API_O)

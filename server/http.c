@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 enum {
-    CONNECTION_MEMORY = 65536, /* headers, and the piece in which bodies arrive */
+    CONNECTION_MEMORY = 32768, /* headers, and the piece in which bodies arrive; zeroed for each request */
     MEMORY_INCREMENT = 16384,
     DROP_BODY_MAX = 65536, /* of a refused request: read, so that the connection survives */
     LINGER_US = 2000000    /* for a client to read an answer sent amid its upload */

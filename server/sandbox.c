@@ -6,10 +6,14 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <libgen.h>
+#include <linux/audit.h>
+#include <linux/filter.h>
 #include <linux/landlock.h>
-#include <seccomp.h>
+#include <linux/seccomp.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
@@ -35,12 +39,11 @@ static bool is(const char *mode, const char *word)
 
 /*
  * A part that is missing: fatal if it was demanded, and also where the reason is not the kernel's
- * age or its owner's choice (ECANCELED is libseccomp's word for what the kernel says).
+ * age or its owner's choice.
  */
 static bool missing(const char *mode, const char *part, int error)
 {
-    const bool kernel = error == ENOSYS || error == EOPNOTSUPP || error == EPERM ||
-                        error == ECANCELED;
+    const bool kernel = error == ENOSYS || error == EOPNOTSUPP || error == EPERM;
     if (is(mode, "on") || !kernel) {
         fprintf(stderr, "facetd: --sandbox %s: no %s: %s\n", mode, part, strerror(error));
         return false;
@@ -54,7 +57,7 @@ static bool applies(const char *mode, const char *part, bool *result)
     *result = true;
     if (is(mode, "off")) log_line("event=sandbox part=%s state=off reason=\"option\"", part);
     if (is(mode, "off")) return false;
-    if (SANITIZED) *result = missing(mode, part, ENOTSUP);
+    if (SANITIZED) *result = missing(mode, part, EOPNOTSUPP);
     return !SANITIZED;
 }
 
@@ -127,54 +130,102 @@ bool sandbox_files(const char *mode, const struct listeners *main_ones,
 
 /*
  * What serving needs, and libc to stop and to fail.  All else gives EPERM rather than an end: a call
- * that a later libc makes should be an error that somebody handles.
+ * that a later libc makes should be an error that somebody handles.  (A table and no library: under
+ * a lack of memory libseccomp 2.5.4 loads filters with rules missing.)
  */
-static const int allowed[] = {
+static const unsigned allowed[] = {
     /* connections */
-    SCMP_SYS(accept4), SCMP_SYS(close), SCMP_SYS(epoll_ctl), SCMP_SYS(epoll_pwait),
-    SCMP_SYS(epoll_wait), SCMP_SYS(fcntl), SCMP_SYS(fstat), SCMP_SYS(getpeername),
-    SCMP_SYS(getsockname), SCMP_SYS(getsockopt), SCMP_SYS(newfstatat), SCMP_SYS(poll),
-    SCMP_SYS(ppoll), SCMP_SYS(pread64), SCMP_SYS(read), SCMP_SYS(readv), SCMP_SYS(recvfrom),
-    SCMP_SYS(recvmsg), SCMP_SYS(sendfile), SCMP_SYS(sendmsg), SCMP_SYS(sendto),
-    SCMP_SYS(setsockopt), SCMP_SYS(shutdown), SCMP_SYS(write), SCMP_SYS(writev),
-    SCMP_SYS(lseek), SCMP_SYS(unlink), SCMP_SYS(unlinkat),
+    SYS_sendmsg, SYS_recvfrom, SYS_epoll_ctl, SYS_epoll_pwait, SYS_ppoll, SYS_accept4, SYS_close,
+    SYS_fcntl, SYS_fstat, SYS_getpeername, SYS_getsockname, SYS_getsockopt, SYS_lseek,
+    SYS_newfstatat, SYS_pread64, SYS_read, SYS_readv, SYS_recvmsg, SYS_sendfile, SYS_sendto,
+    SYS_setsockopt, SYS_shutdown, SYS_unlinkat, SYS_write, SYS_writev,
+#ifdef SYS_epoll_wait /* the older calls, which newer architectures lack */
+    SYS_epoll_wait,
+#endif
+#ifdef SYS_poll
+    SYS_poll,
+#endif
+#ifdef SYS_unlink
+    SYS_unlink,
+#endif
     /* memory (mmap and mprotect below) */
-    SCMP_SYS(brk), SCMP_SYS(madvise), SCMP_SYS(mremap), SCMP_SYS(munmap),
+    SYS_brk, SYS_madvise, SYS_mremap, SYS_munmap,
     /* threads, time, signals, the end */
-    SCMP_SYS(clock_gettime), SCMP_SYS(clock_nanosleep), SCMP_SYS(exit), SCMP_SYS(exit_group),
-    SCMP_SYS(futex), SCMP_SYS(getcpu), SCMP_SYS(getpid), SCMP_SYS(getrandom), SCMP_SYS(gettid),
-    SCMP_SYS(gettimeofday), SCMP_SYS(membarrier), SCMP_SYS(nanosleep), SCMP_SYS(restart_syscall),
-    SCMP_SYS(rseq), SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn),
-    SCMP_SYS(sched_getaffinity), SCMP_SYS(sched_yield), SCMP_SYS(set_robust_list),
-    SCMP_SYS(sysinfo), SCMP_SYS(tgkill),
-};
+    SYS_clock_gettime, SYS_clock_nanosleep, SYS_exit, SYS_exit_group, SYS_futex, SYS_getcpu,
+    SYS_getpid, SYS_getrandom, SYS_gettid, SYS_gettimeofday, SYS_membarrier, SYS_nanosleep,
+    SYS_restart_syscall, SYS_rseq, SYS_rt_sigaction, SYS_rt_sigprocmask, SYS_rt_sigreturn,
+    SYS_sched_getaffinity, SYS_sched_yield, SYS_set_robust_list, SYS_sysinfo, SYS_tgkill};
 
-static int add_rules(scmp_filter_ctx filter)
+#if defined(__x86_64__)
+#define ARCHITECTURE AUDIT_ARCH_X86_64
+#elif defined(__aarch64__)
+#define ARCHITECTURE AUDIT_ARCH_AARCH64
+#endif
+
+#ifdef ARCHITECTURE
+
+enum { ALLOWED = sizeof allowed / sizeof *allowed, PROGRAM_MAX = 2 * ALLOWED + 32 };
+
+#define LOAD(field) BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, field))
+#define RETURN(action) BPF_STMT(BPF_RET | BPF_K, action)
+#define EQUALS(value, then, otherwise) BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, then, otherwise)
+#define HAS_BITS(bits, then, otherwise) BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, bits, then, otherwise)
+#define REFUSE (SECCOMP_RET_ERRNO | EPERM)
+#define X32 0x40000000 /* the second table of calls of x86-64 */
+
+/* The low half of an argument: both architectures are little-endian. */
+#define ARGUMENT(i) args[i]
+
+/* The program; its length. */
+static unsigned short assemble(struct sock_filter *program)
 {
-    /* ioctl: only what isatty asks.  No page is ever executable that was not at the start. */
-    const struct scmp_arg_cmp not_executable = SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0),
-                              is_tty = SCMP_A1(SCMP_CMP_EQ, 0x5401);
-    int bad = 0;
-    for (size_t i = 0; !bad && i < sizeof allowed / sizeof *allowed; i++)
-        bad = seccomp_rule_add(filter, SCMP_ACT_ALLOW, allowed[i], 0);
-    if (!bad) bad = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mmap), 1, not_executable);
-    if (!bad) bad = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1, not_executable);
-    if (!bad) bad = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(ioctl), 1, is_tty);
-    return bad;
+    const struct sock_filter begin[] = {
+        LOAD(arch), EQUALS(ARCHITECTURE, 1, 0), RETURN(SECCOMP_RET_KILL_PROCESS),
+        LOAD(nr),   HAS_BITS(X32, 0, 1),        RETURN(SECCOMP_RET_KILL_PROCESS),
+    };
+    /* No page is ever executable that was not at the start; of ioctl only what isatty asks. */
+    const struct sock_filter end[] = {
+        EQUALS(SYS_mmap, 2, 0),
+        EQUALS(SYS_mprotect, 1, 0),
+        EQUALS(SYS_ioctl, 3, 6),
+        LOAD(ARGUMENT(2)),
+        HAS_BITS(PROT_EXEC, 4, 0),
+        RETURN(SECCOMP_RET_ALLOW),
+        LOAD(ARGUMENT(1)),
+        EQUALS(TCGETS, 0, 1),
+        RETURN(SECCOMP_RET_ALLOW),
+        RETURN(REFUSE),
+    };
+    unsigned short n = 0;
+    for (size_t i = 0; i < sizeof begin / sizeof *begin; i++) program[n++] = begin[i];
+    for (size_t i = 0; i < ALLOWED; i++) {
+        program[n++] = (struct sock_filter)EQUALS(allowed[i], 0, 1);
+        program[n++] = (struct sock_filter)RETURN(SECCOMP_RET_ALLOW);
+    }
+    for (size_t i = 0; i < sizeof end / sizeof *end; i++) program[n++] = end[i];
+    return n;
 }
 
 bool sandbox_calls(const char *mode)
 {
     bool result;
+    struct sock_filter program[PROGRAM_MAX];
+    const struct sock_fprog filter = {.len = assemble(program), .filter = program};
     if (!applies(mode, "seccomp", &result)) return result;
-    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
-    if (!filter) return missing(mode, "seccomp", ENOMEM);
-    int bad = seccomp_attr_set(filter, SCMP_FLTATR_CTL_TSYNC, 1);
-    if (!bad) bad = seccomp_attr_set(filter, SCMP_FLTATR_CTL_OPTIMIZE, 2); /* a binary tree */
-    if (!bad) bad = add_rules(filter);
-    if (!bad) bad = seccomp_load(filter);
-    seccomp_release(filter);
-    if (bad) return missing(mode, "seccomp", -bad);
-    log_line("event=sandbox part=seccomp state=on calls=%zu", sizeof allowed / sizeof *allowed + 3);
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) ||
+        syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &filter))
+        return missing(mode, "seccomp", errno);
+    log_line("event=sandbox part=seccomp state=on calls=%d", ALLOWED + 3);
     return true;
 }
+
+#else
+
+bool sandbox_calls(const char *mode)
+{
+    bool result;
+    if (!applies(mode, "seccomp", &result)) return result;
+    return missing(mode, "seccomp", ENOSYS);
+}
+
+#endif
