@@ -186,9 +186,14 @@ container: ## build the Dockerfile without a Docker engine, run the image and as
 	@tests/container.sh
 
 PREFIX ?= /usr/local
-install: all ## install facetd below $(DESTDIR)$(PREFIX)
+install: all ## install facetd, its units and examples below $(DESTDIR)$(PREFIX)
 	install -D -m 755 $(B)/facetd $(DESTDIR)$(PREFIX)/bin/facetd
 	install -D -m 644 LICENSE $(DESTDIR)$(PREFIX)/share/doc/facetd/LICENSE
+	install -D -m 644 README.md $(DESTDIR)$(PREFIX)/share/doc/facetd/README.md
+	install -D -m 644 server/nginx.conf $(DESTDIR)$(PREFIX)/share/doc/facetd/nginx.conf
+	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
+	sed 's|/usr/local|$(PREFIX)|' server/facetd.service >$(DESTDIR)$(PREFIX)/lib/systemd/system/facetd.service
+	install -m 644 server/facetd.socket $(DESTDIR)$(PREFIX)/lib/systemd/system/facetd.socket
 
 help: ## this list
 	@sed -n 's/^\([a-z][a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | sort | expand -t 16

@@ -26,6 +26,7 @@
 #include <sys/epoll.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -112,7 +113,9 @@ static bool ask(int port, const struct shot *shot, int *status, uint64_t *hash)
     char *answer = malloc(ANSWER_LARGEST + 1);
     size_t got = 0, whole = 0;
     ssize_t n;
+    const struct timeval limit = {.tv_usec = 100000}; /* what takes longer is not for this */
     int fd = connect_to(port);
+    if (fd >= 0) setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
     bool well = answer && fd >= 0 && send(fd, shot->bytes, shot->size, MSG_NOSIGNAL) > 0;
     while (well && (!whole || got < whole)) {
         n = got < ANSWER_LARGEST ? recv(fd, answer + got, ANSWER_LARGEST - got, 0) : 0;
