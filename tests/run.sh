@@ -98,7 +98,7 @@ torture() {
 # Many clients at once, each getting its own answer; `make soak` takes half an hour.
 load() {
     build/release/tests/client/facet_load --daemon build/release/facetd --cases tests/client/cases \
-        --seconds 4 --idle 500
+        --seconds 2 --idle 300
 }
 
 # What needs packages that `make test` does without.

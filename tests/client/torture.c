@@ -47,7 +47,7 @@ struct reply {
     char *bytes, *body;
     size_t size, body_size;
     int status; /* 0: none, or not whole */
-    bool hung;
+    bool hung, is_head; /* is_head: of a HEAD, whose length announces a body that does not come */
 };
 
 static double now_ms(void)
@@ -170,7 +170,7 @@ static void parse(struct reply *reply)
     reply->body_size = reply->size - (size_t)(reply->body - head);
     const char *length = strcasestr(head, "\r\nContent-Length:");
     bool whole = true;
-    if (length) whole = strtoul(length + 17, NULL, 10) == reply->body_size;
+    if (length && !reply->is_head) whole = strtoul(length + 17, NULL, 10) == reply->body_size;
     if (strcasestr(head, "\r\nTransfer-Encoding: chunked")) whole = unchunk(reply);
     if (!whole) reply->status = 0;
 }
@@ -208,6 +208,7 @@ static void ask(const struct torture *t, const struct shot *shot, struct reply *
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((unsigned short)t->port)};
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     memset(reply, 0, sizeof *reply);
+    reply->is_head = !strncmp(shot->head, "HEAD ", 5);
     int fd = socket(AF_INET, SOCK_STREAM, 0);
     if (fd >= 0 && !connect(fd, (struct sockaddr *)&to, sizeof to)) {
         size_t sent = 0;
@@ -379,8 +380,11 @@ static bool is_new(const char *path, const struct body *body, int status)
     char kind[128];
     const bool good = status == 200;
     const char *magic = body->bytes && body->bytes[0] != '{' ? body->bytes : "";
-    snprintf(kind, sizeof kind, "%.*s %s %.3s", (int)strcspn(path, "?"), path,
-             good ? body->bytes ? body->type : "-" : "refused", good ? magic : "");
+    if (good)
+        snprintf(kind, sizeof kind, "%.*s %s %.3s", (int)strcspn(path, "?"), path,
+                 body->bytes ? body->type : "-", magic);
+    else
+        snprintf(kind, sizeof kind, "refused %s", body->bytes ? "body" : "path");
     for (size_t i = 0; i < count; i++)
         if (!strcmp(kinds[i], kind)) return false;
     if (count < KINDS_MAX) memcpy(kinds[count++], kind, sizeof kind);
