@@ -16,8 +16,8 @@
 #include <unistd.h>
 
 enum {
-    CONNECTION_MEMORY = 32768, /* headers, and the piece in which bodies arrive; zeroed for each request */
-    MEMORY_INCREMENT = 16384,
+    CONNECTION_MEMORY = 16384, /* heads of 10 KiB; zeroed for each request, so that more costs caches */
+    MEMORY_INCREMENT = 8192,
     DROP_BODY_MAX = 65536, /* of a refused request: read, so that the connection survives */
     LINGER_US = 2000000    /* for a client to read an answer sent amid its upload */
 };
@@ -39,6 +39,7 @@ struct http {
     size_t client_count, active_count;
     struct client **working; /* those that wait for a worker */
     size_t working_count;
+    int64_t now_us; /* when this turn began: one look at the clock for all its requests */
     struct body_budget budget;
     uint64_t random_state;
 };
@@ -76,7 +77,7 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     if (!client) return;
     client->connection = connection;
     client->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-    client->deadline_us = clock_us() + seconds(http->options->header_timeout);
+    client->deadline_us = clock_us() + seconds(http->options->header_timeout); /* between turns */
     client->next = http->clients;
     if (client->next) client->next->previous = client;
     http->clients = client;
@@ -117,7 +118,7 @@ static enum MHD_Result answer(struct http *http, struct client *client)
     MHD_destroy_response(response);
     client->phase = CLIENT_ANSWER;
     client->deadline_us =
-        clock_us() + seconds(http->options->header_timeout) +
+        http->now_us + seconds(http->options->header_timeout) +
         (int64_t)(1e6 * (double)request->response.body_size / (double)http->options->min_rate);
     return result; /* MHD_NO, for want of memory, closes the connection */
 }
@@ -153,11 +154,11 @@ static void *on_target(void *user, const char *target, struct MHD_Connection *co
     struct client *client =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
     if (!client || !target) return NULL;
-    if (!request_start(&client->request, target)) return NULL;
+    if (!request_start(&client->request, target, http->now_us)) return NULL;
     client->request.site = http->config.site;
     head_note_target(&client->line, target);
     client->phase = CLIENT_HEADERS;
-    client->deadline_us = clock_us() + seconds(http->options->header_timeout);
+    client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     gauge(http, METRIC_ACTIVE, ++http->active_count);
     return client;
 }
@@ -190,17 +191,18 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
 {
     struct request *request = &client->request;
     request->received_us = clock_us();
-    request->deadline_us = request->received_us + seconds(http->options->deadline);
     if (!http->pool || request_is_short(request)) return answer_now(http, client);
+    request->deadline_us = request->received_us + seconds(http->options->deadline);
     if (has_too_many(http, client)) {
         request_refuse(request, 429, "this address has too many long requests running");
         return answer(http, client);
     }
+    request->was_queued = true; /* before, as the worker reads it */
     if (!pool_submit(http->pool, &request->job)) {
+        request->was_queued = false;
         request_refuse(request, 503, "all workers are busy and the queue is full");
         return answer(http, client);
     }
-    request->was_queued = true;
     client->phase = CLIENT_WORK;
     client->deadline_us = CLIENT_NEVER; /* the request has its own */
     client->place = http->working_count;
@@ -260,7 +262,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     request->content_type = client_header(client, "Content-Type");
     request->accept = client_header(client, "Accept");
     request->body_expected = head.length;
-    client->deadline_us = clock_us() + seconds(http->options->header_timeout);
+    client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     if (cors_allows(http, client_header(client, "Origin"))) request->cors = http->options->cors;
     if (settle_by_head(http, client, &head)) return answer_early(http, client, &head);
     client->phase = CLIENT_BODY;
@@ -345,7 +347,7 @@ static void on_completed(void *user, struct MHD_Connection *connection, void **c
     gauge(http, METRIC_BODY_MEMORY, http->budget.used);
     client->phase = CLIENT_IDLE;
     client->used = true;
-    client->deadline_us = clock_us() + seconds(http->options->timeout);
+    client->deadline_us = http->now_us + seconds(http->options->timeout);
 }
 
 /* ---- Called by the loop -------------------------------------------------------------------- */
@@ -418,6 +420,7 @@ int http_timeout_ms(const struct http *http)
 
 void http_turn(struct http *http)
 {
+    http->now_us = clock_us();
     MHD_run(http->daemon);
 }
 

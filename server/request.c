@@ -17,7 +17,7 @@ static void run_job(struct pool_job *job)
     request_run((struct request *)job); /* its first member */
 }
 
-bool request_start(struct request *request, const char *target)
+bool request_start(struct request *request, const char *target, int64_t now_us)
 {
     /* Absolute form (RFC 9112 section 3.2.2): servers must accept http://host/path. */
     if (!strncasecmp(target, "http://", 7)) {
@@ -25,8 +25,8 @@ bool request_start(struct request *request, const char *target)
         target = path ? path : "/";
     }
     request->job.run = run_job;
-    request->deadline_us = INT64_MAX; /* until it is known how long it may take */
-    request->started_us = clock_us();
+    request->deadline_us = INT64_MAX; /* long requests get one */
+    request->started_us = now_us;
     size_t size = strlen(target) + 1;
     request->target = malloc(size);
     if (!request->target) return false;
@@ -76,11 +76,14 @@ static uint64_t next_random(uint64_t *state)
 
 void request_set_id(struct request *request, const char *wanted, uint64_t *random_state)
 {
-    if (wanted && is_harmless(wanted))
+    enum { DIGITS = 16 };
+    if (wanted && is_harmless(wanted)) {
         snprintf(request->id, sizeof request->id, "%s", wanted);
-    else
-        snprintf(request->id, sizeof request->id, "%016llx",
-                 (unsigned long long)next_random(random_state));
+        return;
+    }
+    uint64_t bits = next_random(random_state);
+    for (int i = DIGITS; i-- > 0; bits >>= 4) request->id[i] = "0123456789abcdef"[bits & 15];
+    request->id[DIGITS] = 0;
 }
 
 static bool is_hex(const char *text, size_t size)
@@ -178,7 +181,7 @@ static bool is_cancelled(void *user)
 {
     struct request *request = user;
     if (atomic_load_explicit(&request->gone, memory_order_relaxed)) return true;
-    if (clock_us() < request->deadline_us) return false;
+    if (request->deadline_us == INT64_MAX || clock_us() < request->deadline_us) return false;
     request->overdue = true;
     return true;
 }
@@ -210,7 +213,7 @@ bool request_is_short(struct request *request)
 void request_run(struct request *request)
 {
     const struct api_request call = call_of(request);
-    request->began_us = clock_us();
+    request->began_us = request->was_queued ? clock_us() : request->received_us;
     if (!is_cancelled(request)) site_handle(request->site, &call, &request->response);
     if (request->overdue)
         request_refuse(request, 503, "the request took longer than the server allows");

@@ -50,7 +50,7 @@ struct body_budget {
 };
 
 /* Copies the request line's target; false: out of memory. */
-bool request_start(struct request *request, const char *target);
+bool request_start(struct request *request, const char *target, int64_t now_us);
 
 /* Gives the body's memory back early; body_size stays, for the log. */
 void request_drop_body(struct request *request, struct body_budget *budget);
