@@ -168,7 +168,7 @@ bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory o
 	@$(MAKE) --no-print-directory deps WHEN='bench-http test-extras'
 	@$(MAKE) -s --no-print-directory clients
 	@tests/bench_http.sh $(B)/facetd
-	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 0 --idle 8000
+	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 5 --connections 16,64,128,256,512 --idle 8000
 
 SOAK ?= 1800
 soak: all clients ## SOAK seconds (1800) of mixed load, half of it wrong or given up: every answer right, memory steady

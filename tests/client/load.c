@@ -1,9 +1,9 @@
 /*
  * facet_load - many clients at once, and whether every one of them gets the right answer.
  *
- *   facet_load --daemon PROGRAM --cases DIR [--connections N] [--seconds S] [--idle N]
+ *   facet_load --daemon PROGRAM --cases DIR [--connections N,...] [--seconds S] [--idle N]
  *
- * Load: N connections (default 64) send the quick cases of DIR in random order for S seconds (default
+ * Load: N connections (default 64; several numbers make a ramp) send the quick cases of DIR in random order for S seconds (default
  * 5; make soak: 1800), pipelining none; one in 200 requests is given up in the middle. Every answer is
  * compared with the one the daemon gave when it was alone. Then the daemon's memory is compared with
  * what it was after the first fifth. Idle: N connections (default 0) that have had an answer and stay.
@@ -54,7 +54,7 @@ struct load {
     struct daemon daemon;
     int port, epoll;
     struct shot shots[SHOTS_MAX];
-    size_t shot_count, wrong, right, left, broken;
+    size_t shot_count, wrong, right, busy, left, broken;
     uint64_t random;
     float *ms;
     size_t ms_count, ms_room;
@@ -210,6 +210,8 @@ static void judge(struct load *load, struct seat *seat)
         if (load->wrong++ < 5)
             printf("  status %d, not %d, for %.60s\n%.*s\n", status, seat->shot->status,
                    seat->shot->bytes, (int)(seat->got < 500 ? seat->got : 500), seat->answer);
+    } else if (busy && seat->shot->status != 503) {
+        load->busy++;
     } else {
         load->right++;
     }
@@ -269,6 +271,7 @@ static int by_size(const void *a, const void *b)
 static bool load_and_soak(struct load *load, size_t connections, double seconds)
 {
     struct seat *seats = calloc(connections, sizeof *seats);
+    load->wrong = load->right = load->busy = load->left = load->broken = load->ms_count = 0;
     load->epoll = epoll_create1(0);
     load->ms_room = 4000000;
     load->ms = malloc(load->ms_room * sizeof *load->ms);
@@ -277,15 +280,15 @@ static bool load_and_soak(struct load *load, size_t connections, double seconds)
     run(load, seats, connections, seconds / 5);
     size_t before = daemon_resident(&load->daemon);
     run(load, seats, connections, seconds * 4 / 5);
-    size_t after = daemon_resident(&load->daemon), requests = load->right + load->wrong;
+    size_t after = daemon_resident(&load->daemon), requests = load->right + load->busy + load->wrong;
     double drift = 100 * ((double)after - (double)before) / (double)before;
     qsort(load->ms, load->ms_count, sizeof *load->ms, by_size);
     bool bad = load->wrong || load->broken || !load->right || (seconds >= 600 && drift >= 1);
     printf("%s load: %zu connections, %.0f s, %zu requests of %zu kinds (%.0f a second), %zu wrong, "
-           "%zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %zu kB, then %zu kB "
+           "%zu busy, %zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %zu kB, then %zu kB "
            "(%+.2f %%)\n",
            bad ? "FAIL" : "ok", connections, seconds, requests, load->shot_count,
-           (double)requests / (now_s() - begun), load->wrong, load->broken, load->left,
+           (double)requests / (now_s() - begun), load->wrong, load->busy, load->broken, load->left,
            load->ms_count ? (double)load->ms[load->ms_count / 2] : 0,
            load->ms_count ? (double)load->ms[load->ms_count * 99 / 100] : 0, before, after, drift);
     for (size_t i = 0; i < connections; i++) {
@@ -329,12 +332,13 @@ int main(int argc, char **argv)
     static struct load load;
     struct cases cases = {0};
     const char *program = NULL, *dir = NULL;
-    size_t connections = 64, idle_count = 0;
+    const char *ramp = "64";
+    size_t idle_count = 0;
     double seconds = 5;
     for (int i = 1; i + 1 < argc; i += 2) {
         if (!strcmp(argv[i], "--daemon")) program = argv[i + 1];
         if (!strcmp(argv[i], "--cases")) dir = argv[i + 1];
-        if (!strcmp(argv[i], "--connections")) connections = strtoul(argv[i + 1], NULL, 10);
+        if (!strcmp(argv[i], "--connections")) ramp = argv[i + 1];
         if (!strcmp(argv[i], "--seconds")) seconds = strtod(argv[i + 1], NULL);
         if (!strcmp(argv[i], "--idle")) idle_count = strtoul(argv[i + 1], NULL, 10);
     }
@@ -346,14 +350,18 @@ int main(int argc, char **argv)
     setenv("FACETD_MAX_CONNECTIONS", "20000", 1);
     setenv("FACETD_TIMEOUT", "3600", 1);
     if (!program || !dir || !cases_load(dir, NULL, &cases) || !daemon_start(program, &load.daemon)) {
-        fprintf(stderr, "usage: facet_load --daemon PROGRAM --cases DIR [--connections N] "
+        fprintf(stderr, "usage: facet_load --daemon PROGRAM --cases DIR [--connections N,...] "
                         "[--seconds S] [--idle N]\n");
         return 2;
     }
     load.port = atoi(strrchr(load.daemon.url, ':') + 1);
     bool well = !idle_count || idle(&load, idle_count);
     for (size_t i = 0; i < cases.count; i++) add_shot(&load, &cases.list[i]);
-    if (seconds > 0) well = load_and_soak(&load, connections, seconds) && well;
+    for (char *at = (char *)ramp; seconds > 0 && *at; at += strspn(at, ",")) {
+        size_t connections = strtoul(at, &at, 10);
+        if (!connections) break;
+        well = load_and_soak(&load, connections, seconds) && well;
+    }
     int ended = daemon_stop(&load.daemon);
     printf("%s load/ends: exit %d after SIGTERM\n", ended ? "FAIL" : "ok", ended);
     for (size_t i = 0; i < load.shot_count; i++) free(load.shots[i].bytes);
