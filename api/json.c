@@ -105,7 +105,9 @@ json_t *api_json_parse(const void *bytes, size_t size, struct problem *problem)
     json_t *json = json_loadb(
         bytes, size, JSON_REJECT_DUPLICATES | JSON_DECODE_ANY | JSON_DECODE_INT_AS_REAL, &error);
     memory.limit = 0;
-    if (json) return json;
+    /* jansson's lexer drops characters of a long number when it gets no memory, and goes on. */
+    if (json && !memory.refused && !memory.exhausted) return json;
+    json_decref(json);
     if (memory.refused)
         api_problem(problem, 413,
                     "the JSON holds more values than its size allows (%d bytes of memory per byte)",
