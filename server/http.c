@@ -399,11 +399,23 @@ void http_cancel(struct http *http)
     for (size_t i = http->working_count; i-- > 0;) cancel(http, http->working[i]);
 }
 
+/* A client that ended in the middle of its request; libmicrohttpd would wait for the rest. */
+static bool has_left(const struct client *client)
+{
+    char byte;
+    return (client->phase == CLIENT_HEADERS || client->phase == CLIENT_BODY) && !client->cut &&
+           recv(client->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
+}
+
 void http_reap(struct http *http)
 {
     int64_t now = clock_us();
-    for (struct client *client = http->clients; client; client = client->next)
-        if (now > client->deadline_us) client_cut(client, true);
+    for (struct client *client = http->clients; client; client = client->next) {
+        if (now > client->deadline_us)
+            client_cut(client, true);
+        else if (has_left(client))
+            client_cut(client, false);
+    }
 }
 
 int http_fd(const struct http *http)
