@@ -12,7 +12,8 @@ place=$(mktemp -d /tmp/facetd-bench-XXXXXX)
 pids=()
 finish() { kill "${pids[@]}" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$place"; }
 trap finish EXIT
-pin() { if [ "$(nproc)" -gt 1 ]; then taskset -c "$1" "${@:2}"; else "${@:2}"; fi; }
+# Runs in a subshell wherever it is used, which exec replaces: so that finish ends the program itself.
+pin() { if [ "$(nproc)" -gt 1 ]; then exec taskset -c "$1" "${@:2}"; else exec "${@:2}"; fi; }
 
 # The log of requests as users get it, into a file; and without it, against an nginx without one.
 for log in requests none; do
