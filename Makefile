@@ -133,12 +133,16 @@ fuzz-measurements: ## libFuzzer on every reader of measurements, RUNS inputs eac
 	@tests/fuzz/measurements.sh build/fuzz $(RUNS)
 
 # ---- the black-box client: shares no code with the product -------------------------
-CLIENTS  := client abuse readme
+CLIENTS  := client abuse readme torture load
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
 $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lcurl -ljansson -lz -lpthread -lm
-clients: $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
+# Preloaded into a daemon: fails one call of it.
+$(B)/tests/torture/libfault.so: tests/torture/fault.c tests/torture/fault.h
+	@mkdir -p $(@D)
+	gcc $(BASE) -g -O1 -fPIC -shared -fvisibility=default -o $@ $< -ldl
+clients: $(B)/tests/torture/libfault.so $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS))
 
 
 # ---- the committed table of fits ----------------------------------------------------------
@@ -212,6 +216,23 @@ schemathesis: all ## schemathesis against a daemon of its own, EXAMPLES (1300) f
 extras: ## install below build/extras what tests use of npm and PyPI (make test does)
 	@tests/extras.sh
 
+torture: all clients ## fail every allocation and system call of every case's request, of start and end (3 minutes)
+	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes
+
+bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections
+	@$(MAKE) --no-print-directory deps WHEN='bench-http test-extras'
+	@$(MAKE) -s --no-print-directory clients
+	@tests/bench_http.sh $(B)/facetd
+	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 5 --connections 16,64,128,256,512 --idle 8000
+
+SOAK_SECONDS ?= 1800
+soak-http: all clients ## SOAK_SECONDS (1800) of mixed load, half of it wrong or given up: every answer right, memory steady
+	$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds $(SOAK_SECONDS)
+
+test-extras: ## install what `make test` does without, and run the tests that skipped for want of it
+	@$(MAKE) --no-print-directory deps WHEN='build run test test-extras'
+	@tests/run.sh build extras
+
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
 
@@ -245,9 +266,14 @@ container: ## build the Dockerfile without a Docker engine, run the image and as
 	@tests/container.sh
 
 PREFIX ?= /usr/local
-install: all ## install facetd below $(DESTDIR)$(PREFIX)
+install: all ## install facetd, its units and examples below $(DESTDIR)$(PREFIX)
 	install -D -m 755 $(B)/facetd $(DESTDIR)$(PREFIX)/bin/facetd
 	install -D -m 644 LICENSE $(DESTDIR)$(PREFIX)/share/doc/facetd/LICENSE
+	install -D -m 644 README.md $(DESTDIR)$(PREFIX)/share/doc/facetd/README.md
+	install -D -m 644 server/nginx.conf $(DESTDIR)$(PREFIX)/share/doc/facetd/nginx.conf
+	install -d $(DESTDIR)$(PREFIX)/lib/systemd/system
+	sed 's|/usr/local|$(PREFIX)|' server/facetd.service >$(DESTDIR)$(PREFIX)/lib/systemd/system/facetd.service
+	install -m 644 server/facetd.socket $(DESTDIR)$(PREFIX)/lib/systemd/system/facetd.socket
 
 help: ## this list
 	@sed -n 's/^\([a-z][a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | sort | expand -t 16
@@ -278,6 +304,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -64,6 +64,7 @@ struct api_route {
     bool found;       /* false: api_handle will answer 404 or 405, whatever the body */
     bool is_long;     /* run on a worker, not on the network thread, unless api_is_short */
     size_t body_max;  /* larger bodies: api_refuse with 413 */
+    const char *path; /* the endpoint's, static storage, for the server's counts; NULL if not found */
 };
 
 /* Once per process, before the first request / after the last.  False: out of memory. */

@@ -71,7 +71,9 @@ static json_t *parse_structure(const char *bytes, size_t size, const struct lift
     json_t *json = json_loadb(lifted->text, lifted->size, JSON_REJECT_DUPLICATES | JSON_DECODE_ANY,
                               &error);
     memory.limit = 0;
-    if (json) return json;
+    /* jansson's lexer drops characters of a long number when it gets no memory, and goes on. */
+    if (json && !memory.refused && !memory.exhausted) return json;
+    json_decref(json);
     if (memory.refused) {
         api_problem(problem, 413,
                     "the JSON holds more values than its size allows (%d bytes of memory per byte); "

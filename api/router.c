@@ -95,6 +95,7 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
         .found = true,
         .is_long = endpoint->is_long,
         .body_max = is_raw ? LIMIT_BINARY_BODY : LIMIT_JSON_BODY,
+        .path = endpoint->path,
     };
 }
 

@@ -1,10 +1,10 @@
 #include "client.h"
 
 #include "clock.h"
+#include "metrics.h"
 
-#include <stdlib.h>
+#include <netinet/in.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/socket.h>
 
 const char *client_header(const struct client *client, const char *name)
@@ -12,38 +12,20 @@ const char *client_header(const struct client *client, const char *name)
     return MHD_lookup_connection_value(client->connection, MHD_HEADER_KIND, name);
 }
 
-static enum MHD_Result note_header(void *user, enum MHD_ValueKind kind, const char *name,
-                                   const char *value)
+void client_set_address(struct client *client, const struct sockaddr *address)
 {
-    struct client_framing *framing = user;
-    (void)kind;
-    if (strpbrk(name, " \t")) framing->fault = "white space in a header's name";
-    if (!strcasecmp(name, "Host")) framing->hosts++;
-    if (!strcasecmp(name, "Expect") && value)
-        framing->expects_continue = !strcasecmp(value, "100-continue");
-    if (!strcasecmp(name, "Content-Length") && value) {
-        framing->lengths++;
-        framing->length = strtoull(value, NULL, 10); /* libmicrohttpd has refused non-digits */
+    if (address && address->sa_family == AF_INET6) {
+        memcpy(client->address, &((const struct sockaddr_in6 *)address)->sin6_addr, 16);
+    } else if (address && address->sa_family == AF_INET) {
+        client->address[10] = client->address[11] = 0xff;
+        memcpy(client->address + 12, &((const struct sockaddr_in *)address)->sin_addr, 4);
     }
-    if (!strcasecmp(name, "Transfer-Encoding")) {
-        framing->encodings++;
-        framing->chunked = true;
-        if (!value || strcasecmp(value, "chunked"))
-            framing->fault = "the only Transfer-Encoding here is chunked";
-    }
-    return MHD_YES;
 }
 
-struct client_framing client_framing(const struct client *client)
+bool client_has_address(const struct client *client)
 {
-    struct client_framing framing = {0};
-    MHD_get_connection_values(client->connection, MHD_HEADER_KIND, note_header, &framing);
-    if (framing.hosts > 1) framing.fault = "more than one Host";
-    if (framing.lengths > 1) framing.fault = "more than one Content-Length";
-    if (framing.encodings > 1) framing.fault = "more than one Transfer-Encoding";
-    if (framing.lengths && framing.encodings)
-        framing.fault = "both Content-Length and Transfer-Encoding";
-    return framing;
+    static const unsigned char none[sizeof client->address];
+    return memcmp(client->address, none, sizeof none) != 0;
 }
 
 void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us)
@@ -61,6 +43,7 @@ void client_cut(struct client *client, bool tell)
     const bool half_here = client->phase == CLIENT_HEADERS || client->phase == CLIENT_BODY ||
                            (client->phase == CLIENT_IDLE && !client->used);
     client->cut = true;
+    if (tell && half_here) metrics_add(METRIC_CUT_CONNECTIONS, 1);
     client->deadline_us = CLIENT_NEVER;
     if (tell && half_here && !client->raw) {
         client->request.close = true;

@@ -2,6 +2,7 @@
 #ifndef CLIENT_H
 #define CLIENT_H
 
+#include "head.h"
 #include "request.h"
 
 #include <microhttpd.h>
@@ -23,6 +24,8 @@ struct client {
     struct client *previous, *next;
     struct MHD_Connection *connection;
     int fd;
+    struct head_line line;
+    unsigned char address[16]; /* IPv6, or IPv4 mapped into it; zero for a unix socket */
     enum client_phase phase;
     bool used;    /* has had a request before */
     bool raw;     /* the answer went out beside libmicrohttpd */
@@ -33,18 +36,11 @@ struct client {
 
 #define CLIENT_NEVER INT64_MAX
 
+void client_set_address(struct client *client, const struct sockaddr *address);
+bool client_has_address(const struct client *client);
+
 /* A request header by its name, NULL if absent. */
 const char *client_header(const struct client *client, const char *name);
-
-/* What the headers say about the body; the traps are those that libmicrohttpd 0.9.75 lets pass. */
-struct client_framing {
-    const char *fault; /* NULL, or why the request cannot be told apart from its neighbours */
-    bool chunked, expects_continue;
-    size_t length; /* 0 if chunked or none */
-    unsigned hosts, lengths, encodings;
-};
-
-struct client_framing client_framing(const struct client *client);
 
 /* A token bucket: each piece of an upload buys time at `min_rate`, up to `grace_us` from now. */
 void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us);

@@ -8,14 +8,23 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/time.h>
+#include <sys/un.h>
 #include <unistd.h>
 
-/* The address to ask for one that may be "all": the loopback of the same family. */
+/* The address to ask for one that may be "all": the loopback of the same family; without one the
+ * unix socket. */
 static socklen_t address_of(const struct options *options, struct sockaddr_storage *to)
 {
     struct sockaddr_in *v4 = (struct sockaddr_in *)to;
     struct sockaddr_in6 *v6 = (struct sockaddr_in6 *)to;
+    struct sockaddr_un *path = (struct sockaddr_un *)to;
     memset(to, 0, sizeof *to);
+    if (!*options->bind && *options->socket) {
+        path->sun_family = AF_UNIX;
+        if (strlen(options->socket) >= sizeof path->sun_path) return 0;
+        memcpy(path->sun_path, options->socket, strlen(options->socket));
+        return sizeof *path;
+    }
     if (inet_pton(AF_INET, options->bind, &v4->sin_addr) == 1) {
         if (v4->sin_addr.s_addr == htonl(INADDR_ANY)) v4->sin_addr.s_addr = htonl(INADDR_LOOPBACK);
         v4->sin_family = AF_INET;

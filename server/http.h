@@ -2,30 +2,41 @@
  * http.h - connections and requests on libmicrohttpd, driven by a poll loop of ours (loop.c).
  *
  * libmicrohttpd's own epoll loop stalls when a multiple of 128 connections is ready at once, so
- * the daemon runs without a thread: everything here belongs to the network thread.
+ * the daemon runs without a thread: everything here belongs to one network thread.
  */
 #ifndef HTTP_H
 #define HTTP_H
 
 #include "options.h"
 #include "pool.h"
+#include "site.h"
 
 #include <poll.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <sys/socket.h>
 
 struct http;
 
-/* Takes over the listening socket, even on failure (NULL, with a message on stderr). */
-struct http *http_create(const struct options *options, int listen_fd, struct pool *pool);
+struct http_config {
+    const struct options *options;
+    struct pool *pool; /* NULL: everything is answered on the network thread */
+    const char *token; /* that requests must carry; NULL: none */
+    enum site site;
+    size_t max_connections;
+};
+
+/* NULL, with a message on stderr, if there is no memory or no descriptor left. */
+struct http *http_create(const struct http_config *config);
+
+/* Takes over an accepted, non-blocking socket, even if there is no memory left for it. */
+void http_add(struct http *http, int fd, const struct sockaddr *peer, socklen_t length);
+bool http_is_full(const struct http *http);
 
 /* What to poll: readable means http_turn has work; and after at most so many ms (-1: for ever). */
 int http_fd(const struct http *http);
 int http_timeout_ms(const struct http *http);
 void http_turn(struct http *http);
-
-/* The listening socket when all connections are taken, else -1. */
-int http_overflow_fd(const struct http *http);
 
 /* Resumes the requests whose jobs are done.  Call http_turn afterwards. */
 void http_collect(struct http *http);
@@ -41,7 +52,7 @@ void http_watched(struct http *http, const struct pollfd *fds, size_t count);
 /* Cuts the clients that are too slow; cheap, to be called a few times a second. */
 void http_reap(struct http *http);
 
-/* Closes the listening socket and the idle connections; running requests go on. */
+/* Closes the idle connections; running requests go on, and their connections end with them. */
 void http_quiesce(struct http *http);
 /* Tells all long requests to stop; their connections are closed without an answer. */
 void http_cancel(struct http *http);

@@ -1,6 +1,9 @@
 #include "log.h"
 
+#include "metrics.h"
+
 #include <errno.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -10,11 +13,12 @@
 enum { BUFFER_SIZE = 65536, LINE_MAX_BYTES = 2048 };
 
 static struct {
+    pthread_mutex_t mutex;
     bool events, requests;
     size_t used;
     unsigned long lost; /* bytes that stderr did not take */
     char buffer[BUFFER_SIZE];
-} sink;
+} sink = {.mutex = PTHREAD_MUTEX_INITIALIZER};
 
 void log_open(const char *level)
 {
@@ -27,7 +31,8 @@ bool log_requests(void)
     return sink.requests;
 }
 
-void log_flush(void)
+/* With the mutex held. */
+static void flush(void)
 {
     size_t done = 0;
     while (done < sink.used) {
@@ -35,11 +40,19 @@ void log_flush(void)
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0) {
             sink.lost += sink.used - done; /* nowhere left to complain but the next line */
+            metrics_add(METRIC_LOG_LOST_BYTES, (long long)(sink.used - done));
             break;
         }
         done += (size_t)n;
     }
     sink.used = 0;
+}
+
+void log_flush(void)
+{
+    pthread_mutex_lock(&sink.mutex);
+    flush();
+    pthread_mutex_unlock(&sink.mutex);
 }
 
 static size_t put_time(char *to, size_t size)
@@ -55,21 +68,26 @@ static size_t put_time(char *to, size_t size)
 
 static void append(const char *line, size_t size)
 {
-    if (sink.used + size > BUFFER_SIZE) log_flush();
+    if (sink.used + size > BUFFER_SIZE) flush();
     memcpy(sink.buffer + sink.used, line, size); /* size <= LINE_MAX_BYTES < BUFFER_SIZE */
     sink.used += size;
+}
+
+static size_t put_lost(char *to, size_t size)
+{
+    if (!sink.lost) return 0;
+    int more = snprintf(to, size, "log_bytes_lost=%lu ", sink.lost);
+    sink.lost = 0;
+    return more > 0 ? (size_t)more : 0;
 }
 
 void log_line(const char *format, ...)
 {
     if (!sink.events) return;
     char line[LINE_MAX_BYTES];
+    pthread_mutex_lock(&sink.mutex);
     size_t n = put_time(line, sizeof line);
-    if (sink.lost) {
-        int more = snprintf(line + n, sizeof line - n, "log_bytes_lost=%lu ", sink.lost);
-        if (more > 0) n += (size_t)more;
-        sink.lost = 0;
-    }
+    n += put_lost(line + n, sizeof line - n);
     va_list list;
     va_start(list, format);
     int more = vsnprintf(line + n, sizeof line - n, format, list);
@@ -78,6 +96,7 @@ void log_line(const char *format, ...)
     if (n > sizeof line - 1) n = sizeof line - 1; /* cut, the newline still fits */
     line[n++] = '\n';
     append(line, n);
+    pthread_mutex_unlock(&sink.mutex);
 }
 
 const char *log_quote(const char *text, char *buffer, unsigned long size)

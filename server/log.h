@@ -1,8 +1,8 @@
 /*
  * log.h - one line per request and per event of the daemon's life, to stderr, as key=value pairs.
  *
- * Used by the network thread only: lines are gathered in one buffer and written once per turn of
- * the loop, so that a log line costs no system call under load.
+ * Lines are gathered in one buffer and written once per turn of the loop, so that a log line costs
+ * no system call under load.  Any thread may write.
  */
 #ifndef LOG_H
 #define LOG_H

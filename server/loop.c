@@ -1,8 +1,9 @@
 #include "loop.h"
 
+#include "accept.h"
 #include "clock.h"
-#include "listen.h"
 #include "log.h"
+#include "systemd.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -11,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/signalfd.h>
+#include <time.h>
 #include <unistd.h>
 
 enum {
@@ -18,16 +20,17 @@ enum {
     CANCEL_US = 5000000 /* how long cancelled work gets to notice */
 };
 
-enum { POLL_HTTP, POLL_SIGNAL, POLL_POOL, POLL_LISTEN, POLL_WATCHED };
+enum { POLL_HTTP, POLL_SIGNAL, POLL_POOL, POLL_LISTEN, POLL_MIN = POLL_LISTEN + LISTEN_MAX };
 
 struct loop {
     struct http *http;
     struct pool *pool;
     const struct options *options;
+    struct acceptor acceptor;
     int signal_fd;
-    bool draining, cancelled;
+    bool draining, cancelled, lingering;
     int64_t reap_us, drained_us; /* when to reap next; when the time to drain is over */
-    struct pollfd *fds;
+    struct pollfd fds[];
 };
 
 int loop_signals(void)
@@ -36,6 +39,7 @@ int loop_signals(void)
     sigemptyset(&set);
     sigaddset(&set, SIGTERM);
     sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGHUP);
     const struct sigaction ignore = {.sa_handler = SIG_IGN};
     int fd = -1;
     if (sigaction(SIGPIPE, &ignore, NULL) || sigprocmask(SIG_BLOCK, &set, NULL) ||
@@ -44,28 +48,49 @@ int loop_signals(void)
     return fd;
 }
 
+static void drain(struct loop *loop, unsigned signal)
+{
+    log_line("event=drain signal=%u active=%zu connections=%zu", signal, http_active(loop->http),
+             http_connections(loop->http));
+    systemd_notify("STOPPING=1");
+    loop->draining = true;
+    loop->drained_us = clock_us() + (int64_t)loop->options->drain * 1000000;
+    listeners_close(loop->acceptor.listeners);
+    http_quiesce(loop->http);
+}
+
 static void on_signal(struct loop *loop)
 {
     struct signalfd_siginfo info;
     while (read(loop->signal_fd, &info, sizeof info) == sizeof info) {
-        if (loop->draining) {
+        /* There is no file to read again.  But who closes a terminal wants its programs to end. */
+        if (info.ssi_signo == SIGHUP && !isatty(STDIN_FILENO)) {
+            log_line("event=hangup reason=\"ignored\"");
+        } else if (loop->draining) {
             log_line("event=killed signal=%u", info.ssi_signo);
             log_flush();
             _exit(128 + (int)info.ssi_signo);
+        } else {
+            drain(loop, info.ssi_signo);
         }
-        log_line("event=drain signal=%u active=%zu connections=%zu", info.ssi_signo,
-                 http_active(loop->http), http_connections(loop->http));
-        loop->draining = true;
-        loop->drained_us = clock_us() + (int64_t)loop->options->drain * 1000000;
-        http_quiesce(loop->http);
     }
 }
 
 static int timeout_ms(const struct loop *loop)
 {
     int ms = http_timeout_ms(loop->http);
-    const bool tick = http_connections(loop->http) || listen_linger(false) || loop->draining;
+    const bool tick = http_connections(loop->http) || loop->lingering || loop->draining ||
+                      loop->acceptor.paused;
     return tick && (ms < 0 || ms > TICK_MS) ? TICK_MS : ms;
+}
+
+static void tick(struct loop *loop)
+{
+    int64_t now = clock_us();
+    if (now < loop->reap_us) return;
+    loop->reap_us = now + TICK_MS * 1000;
+    http_reap(loop->http);
+    loop->lingering = accept_tick(&loop->acceptor) > 0;
 }
 
 static void turn(struct loop *loop)
@@ -75,24 +100,23 @@ static void turn(struct loop *loop)
     fds[POLL_HTTP] = (struct pollfd){.fd = http_fd(http), .events = POLLIN};
     fds[POLL_SIGNAL] = (struct pollfd){.fd = loop->signal_fd, .events = POLLIN};
     fds[POLL_POOL] = (struct pollfd){.fd = pool_fd(loop->pool), .events = POLLIN};
-    fds[POLL_LISTEN] = (struct pollfd){.fd = http_overflow_fd(http), .events = POLLIN};
-    size_t watched = http_watch(http, fds + POLL_WATCHED);
-    if (poll(fds, POLL_WATCHED + watched, timeout_ms(loop)) < 0) {
+    const size_t listening = accept_watch(&loop->acceptor, fds + POLL_LISTEN),
+                 first = POLL_LISTEN + listening, watched = http_watch(http, fds + first);
+    if (poll(fds, first + watched, timeout_ms(loop)) < 0) {
+        const struct timespec pause = {.tv_nsec = 1000000};
         if (errno == EINTR) return;
         log_line("event=failure call=poll reason=\"%s\"", strerror(errno));
         log_flush();
-        _exit(1); /* blind: the workers' requests could not even be given back */
+        nanosleep(&pause, NULL); /* ENOMEM is the only honest reason, and it passes */
+        return;
     }
-    http_watched(http, fds + POLL_WATCHED, watched);
-    if (fds[POLL_POOL].revents) http_collect(http);
+    http_watched(http, fds + first, watched);
+    /* At every tick as well: should the workers' wake-up fail, a request waits that long at most. */
+    if (fds[POLL_POOL].revents || clock_us() >= loop->reap_us) http_collect(http);
+    accept_watched(&loop->acceptor, fds + POLL_LISTEN, listening);
     if (fds[POLL_SIGNAL].revents) on_signal(loop);
-    if (fds[POLL_LISTEN].revents && !loop->draining) listen_refuse(fds[POLL_LISTEN].fd);
     http_turn(http);
-    int64_t now = clock_us();
-    if (now >= loop->reap_us) {
-        loop->reap_us = now + TICK_MS * 1000;
-        http_reap(http);
-    }
+    tick(loop);
     log_flush();
 }
 
@@ -115,16 +139,31 @@ static bool drained(struct loop *loop)
     return false;
 }
 
-int loop_run(struct http *http, struct pool *pool, int signal_fd, const struct options *options)
+struct loop *loop_create(struct http *http, struct pool *pool, struct listeners *listeners,
+                         int signal_fd, const struct options *options)
 {
-    struct loop loop = {.http = http, .pool = pool, .options = options, .signal_fd = signal_fd};
-    loop.fds = calloc(POLL_WATCHED + (size_t)(options->workers + options->queue), sizeof *loop.fds);
-    if (!loop.fds) {
-        log_line("event=failure call=calloc reason=\"out of memory\"");
-        return -1;
+    const size_t fds = POLL_MIN + (size_t)(options->workers + options->queue);
+    struct loop *loop = calloc(1, sizeof *loop + fds * sizeof *loop->fds);
+    if (!loop) {
+        fputs("facetd: out of memory\n", stderr);
+        return NULL;
     }
-    while (!drained(&loop)) turn(&loop);
-    listen_linger(true);
-    free(loop.fds);
-    return loop.cancelled;
+    loop->http = http;
+    loop->pool = pool;
+    loop->options = options;
+    loop->signal_fd = signal_fd;
+    loop->acceptor = (struct acceptor){.http = http, .listeners = listeners};
+    return loop;
+}
+
+bool loop_run(struct loop *loop)
+{
+    while (!drained(loop)) turn(loop);
+    accept_end(&loop->acceptor);
+    return !loop->cancelled;
+}
+
+void loop_destroy(struct loop *loop)
+{
+    free(loop);
 }

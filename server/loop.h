@@ -3,14 +3,24 @@
 #define LOOP_H
 
 #include "http.h"
+#include "listen.h"
 
-/* Blocks SIGTERM and SIGINT for all threads to come and ignores SIGPIPE; -1 with a message. */
+/* Blocks SIGTERM, SIGINT and SIGHUP for all threads to come and ignores SIGPIPE; -1 with a message. */
 int loop_signals(void);
 
+struct loop;
+
+/* NULL: out of memory.  The listeners are closed when it drains. */
+struct loop *loop_create(struct http *http, struct pool *pool, struct listeners *listeners,
+                         int signal_fd, const struct options *options);
+
 /*
- * Runs until a signal, then drains.  0: all that ran was finished; 1: some was cut when the time
- * to drain was over.  -1: it could not start.  A second signal ends the process at once.
+ * Runs until a signal, then drains.  True: all that ran was finished; false: some was cut when the
+ * time to drain was over.  A second signal ends the process at once.
  */
-int loop_run(struct http *http, struct pool *pool, int signal_fd, const struct options *options);
+bool loop_run(struct loop *loop);
+
+/* NULL is fine. */
+void loop_destroy(struct loop *loop);
 
 #endif

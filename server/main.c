@@ -1,14 +1,20 @@
 /*
  * facetd - microfacet BRDFs over HTTP.
  */
+#include "accept.h"
+#include "admin.h"
 #include "api.h"
 #include "health.h"
 #include "http.h"
 #include "listen.h"
 #include "log.h"
 #include "loop.h"
+#include "metrics.h"
 #include "options.h"
 #include "pool.h"
+#include "sandbox.h"
+#include "systemd.h"
+#include "token.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -16,7 +22,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-enum { EXIT_USAGE = 2, URL_MAX = 96, SPARE_DESCRIPTORS = 32 };
+enum { EXIT_USAGE = 2, SPARE_DESCRIPTORS = 32, ADMIN_DESCRIPTORS = 128 };
 
 /* One thread per CPU this process may use, when the user does not say. */
 static void choose_workers(struct options *options)
@@ -31,7 +37,8 @@ static void choose_workers(struct options *options)
  */
 static bool reserve_descriptors(struct options *options)
 {
-    const rlim_t spare = LISTEN_LINGER_MAX + SPARE_DESCRIPTORS;
+    const rlim_t spare = ACCEPT_LINGER_MAX + SPARE_DESCRIPTORS +
+                         (*options->admin ? ADMIN_DESCRIPTORS : 0);
     rlim_t needed = (rlim_t)options->max_connections + spare;
     struct rlimit limit;
     if (getrlimit(RLIMIT_NOFILE, &limit)) {
@@ -54,45 +61,100 @@ static bool reserve_descriptors(struct options *options)
     return true;
 }
 
-static bool announce(int listen_fd)
+static size_t put_name(char *to, size_t size, const char *what, const struct listener *listener)
 {
-    char url[URL_MAX];
-    if (!listen_url(listen_fd, url, sizeof url)) return false;
-    printf("listening on %s\n", url);
-    if (fflush(stdout)) {
-        fprintf(stderr, "facetd: stdout: %s\n", strerror(errno));
-        return false;
+    log_line("event=start %s=%s version=%s", what, listener->name, FACET_VERSION);
+    int n = snprintf(to, size, "%s on %s\n", what, listener->name);
+    return n < 0 ? 0 : (size_t)n;
+}
+
+/*
+ * In one piece, for a reader may go after the first line; without stdio, whose printf forgets its
+ * text when it gets no memory.
+ */
+static bool announce(const struct listeners *main_ones, const struct listeners *admin)
+{
+    char text[2 * LISTEN_MAX * (LISTEN_NAME_MAX + 16)];
+    size_t size = 0, done = 0;
+    for (size_t i = 0; i < main_ones->count; i++)
+        size += put_name(text + size, sizeof text - size, "listening", &main_ones->list[i]);
+    for (size_t i = 0; i < admin->count; i++)
+        size += put_name(text + size, sizeof text - size, "admin", &admin->list[i]);
+    while (done < size) {
+        ssize_t n = write(STDOUT_FILENO, text + done, size - done);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) {
+            fprintf(stderr, "facetd: stdout: %s\n", strerror(errno));
+            return false;
+        }
+        done += (size_t)n;
     }
-    log_line("event=start url=%s version=%s", url, FACET_VERSION);
     log_flush();
+    systemd_notify("READY=1");
     return true;
 }
 
-/* Owns nothing but what it starts; the exit code. */
-static int serve(const struct options *options, int signal_fd)
+/* All that runs, in the order in which it begins; ends in the other. */
+struct parts {
+    const struct options *options;
+    const char *token;
+    int signal_fd;
+    struct listeners main_ones, admin_ones;
+    struct pool *pool;
+    struct http *http;
+    struct loop *loop;
+    struct admin *admin;
+};
+
+static bool begin(struct parts *parts)
 {
-    struct pool *pool = pool_create((unsigned)options->workers, (unsigned)options->queue);
-    if (!pool) {
+    const struct options *options = parts->options;
+    if (!listeners_open(options, &parts->main_ones, &parts->admin_ones)) return false;
+    if (!sandbox_files(options->sandbox, &parts->main_ones, &parts->admin_ones)) return false;
+    parts->pool = pool_create((unsigned)options->workers, (unsigned)options->queue);
+    if (!parts->pool) {
         fprintf(stderr, "facetd: cannot start %ld workers: %s\n", options->workers,
                 strerror(errno));
-        return 1;
+        return false;
     }
-    int result = -1;
-    int listen_fd = listen_open(options->bind, (unsigned short)options->port);
-    struct http *http = listen_fd < 0 ? NULL : http_create(options, listen_fd, pool);
-    if (http && announce(listen_fd)) {
-        result = loop_run(http, pool, signal_fd, options);
-        log_line("event=stop clean=%s", result ? "no" : "yes");
+    parts->http = http_create(&(struct http_config){
+        .options = options,
+        .pool = parts->pool,
+        .token = parts->token,
+        .site = SITE_MAIN,
+        .max_connections = (size_t)options->max_connections,
+    });
+    if (!parts->http) return false;
+    parts->loop = loop_create(parts->http, parts->pool, &parts->main_ones, parts->signal_fd, options);
+    if (!parts->loop) return false;
+    if (parts->admin_ones.count && !(parts->admin = admin_start(options, &parts->admin_ones)))
+        return false;
+    return sandbox_calls(options->sandbox) && announce(&parts->main_ones, &parts->admin_ones);
+}
+
+/* The exit code. */
+static int serve(struct parts *parts)
+{
+    bool well = begin(parts);
+    if (well) {
+        well = loop_run(parts->loop);
+        log_line("event=stop clean=%s", well ? "yes" : "no");
         log_flush();
     }
-    http_destroy(http);
-    pool_destroy(pool);
-    return result ? 1 : 0;
+    admin_stop(parts->admin);
+    loop_destroy(parts->loop);
+    http_destroy(parts->http);
+    pool_destroy(parts->pool);
+    listeners_close(&parts->main_ones);
+    listeners_close(&parts->admin_ones);
+    return well ? 0 : 1;
 }
 
 int main(int argc, char **argv)
 {
     struct options options;
+    char token[TOKEN_SIZE];
+    struct parts parts = {.options = &options};
     switch (options_read(argc, argv, &options)) {
     case OPTIONS_BAD:
         return EXIT_USAGE;
@@ -105,16 +167,20 @@ int main(int argc, char **argv)
     }
     choose_workers(&options);
     log_open(options.log);
-    if (!reserve_descriptors(&options)) return 1;
-    int signal_fd = loop_signals(); /* before any thread, so that all inherit the mask */
-    if (signal_fd < 0) return 1;
+    if (!token_read(options.token, token, &parts.token) || !reserve_descriptors(&options)) return 1;
+    parts.signal_fd = loop_signals(); /* before any thread, so that all inherit the mask */
+    if (parts.signal_fd < 0) return 1;
     if (!api_open()) {
         fputs("facetd: out of memory\n", stderr);
-        close(signal_fd);
+        close(parts.signal_fd);
         return 1;
     }
-    int result = serve(&options, signal_fd);
+    systemd_open();
+    metrics_open();
+    int result = serve(&parts);
+    metrics_close();
+    systemd_close();
     api_close();
-    close(signal_fd);
+    close(parts.signal_fd);
     return result;
 }

@@ -86,10 +86,12 @@ static void print_help(void)
             printf("%ld to %ld, default %ld, or $%s\n", row->min, row->max, row->number,
                    row->environment);
     }
-    puts("  --healthcheck      ask the daemon at that address and port; exit 0 when it is well\n"
+    puts("  --healthcheck      ask the daemon that these options describe; exit 0 when it is well\n"
          "  --help, --version\n\n"
+         "Sockets that systemd passes are listened on instead of --bind and --port; one named\n"
+         "\"admin\" takes the place of --admin.\n\n"
          "SIGTERM and SIGINT: accept nothing new, finish what runs, exit 0; a second one ends at "
-         "once.");
+         "once.\nSIGHUP: nothing, there is no file to read again; at a terminal as SIGTERM.");
 }
 
 static bool read_environment(struct options *options)
@@ -101,13 +103,22 @@ static bool read_environment(struct options *options)
     return true;
 }
 
+static bool is_one_of(const char *flag, const char *value, const char *const *choices)
+{
+    for (size_t i = 0; choices[i]; i++)
+        if (!strcmp(value, choices[i])) return true;
+    fprintf(stderr, "facetd: --%s is one of", flag);
+    for (size_t i = 0; choices[i]; i++) fprintf(stderr, "%s %s", i ? "," : "", choices[i]);
+    fprintf(stderr, ", not \"%s\"\n", value);
+    return false;
+}
+
 static bool check_choices(const struct options *options)
 {
-    static const char *const levels[] = {"requests", "events", "none"};
-    for (size_t i = 0; i < sizeof levels / sizeof *levels; i++)
-        if (!strcmp(options->log, levels[i])) return true;
-    fprintf(stderr, "facetd: --log is one of requests, events, none, not \"%s\"\n", options->log);
-    return false;
+    static const char *const levels[] = {"requests", "events", "none", NULL};
+    static const char *const sandboxes[] = {"auto", "on", "off", NULL};
+    return is_one_of("log", options->log, levels) &&
+           is_one_of("sandbox", options->sandbox, sandboxes);
 }
 
 enum options_action options_read(int argc, char **argv, struct options *options)

@@ -38,7 +38,7 @@ bool request_start_stream(struct request *request)
     return request->block;
 }
 
-bool request_start(struct request *request, const char *target)
+bool request_start(struct request *request, const char *target, int64_t now_us)
 {
     /* Absolute form (RFC 9112 section 3.2.2): servers must accept http://host/path. */
     if (!strncasecmp(target, "http://", 7)) {
@@ -46,8 +46,8 @@ bool request_start(struct request *request, const char *target)
         target = path ? path : "/";
     }
     request->job.run = run_job;
-    request->deadline_us = INT64_MAX; /* until it is known how long it may take */
-    request->started_us = clock_us();
+    request->deadline_us = INT64_MAX; /* long requests get one */
+    request->started_us = now_us;
     size_t size = strlen(target) + 1;
     request->target = malloc(size);
     if (!request->target) return false;
@@ -98,11 +98,75 @@ static uint64_t next_random(uint64_t *state)
 
 void request_set_id(struct request *request, const char *wanted, uint64_t *random_state)
 {
-    if (wanted && is_harmless(wanted))
+    enum { DIGITS = 16 };
+    if (wanted && is_harmless(wanted)) {
         snprintf(request->id, sizeof request->id, "%s", wanted);
-    else
-        snprintf(request->id, sizeof request->id, "%016llx",
-                 (unsigned long long)next_random(random_state));
+        return;
+    }
+    uint64_t bits = next_random(random_state);
+    for (int i = DIGITS; i-- > 0; bits >>= 4) request->id[i] = "0123456789abcdef"[bits & 15];
+    request->id[DIGITS] = 0;
+}
+
+static bool is_hex(const char *text, size_t size)
+{
+    return strspn(text, "0123456789abcdef") >= size && strspn(text, "0-") < size;
+}
+
+void request_set_trace(struct request *request, const char *traceparent)
+{
+    enum { TRACE_ID = 32, PARENT_ID = 16 };
+    const char *t = traceparent;
+    if (!t || strlen(t) != REQUEST_TRACE_SIZE - 1 || strncmp(t, "00-", 3)) return;
+    if (!is_hex(t + 3, TRACE_ID) || t[35] != '-' || !is_hex(t + 36, PARENT_ID) || t[52] != '-' ||
+        strspn(t + 53, "0123456789abcdef") != 2)
+        return;
+    memcpy(request->trace, t, REQUEST_TRACE_SIZE);
+}
+
+/* 64 bits of the bytes, eight at a time; who could choose them gains nothing by a collision. */
+static uint64_t hash_bytes(const char *bytes, size_t size)
+{
+    uint64_t hash = size, piece;
+    for (size_t i = 0; i < size; i += sizeof piece) {
+        size_t n = size - i < sizeof piece ? size - i : sizeof piece;
+        piece = 0;
+        memcpy(&piece, bytes + i, n);
+        hash = next_random(&(uint64_t){hash ^ piece});
+    }
+    return hash;
+}
+
+/* RFC 9110 section 13.1.2: a list of tags, compared weakly, or an asterisk. */
+static bool lists_tag(const char *list, const char *tag)
+{
+    const size_t length = strlen(tag);
+    for (const char *at = list; *at;) {
+        at += strspn(at, " \t,");
+        if (*at == '*') return true;
+        if (!strncmp(at, "W/", 2)) at += 2;
+        if (*at != '"') return false;
+        const char *end = strchr(at + 1, '"');
+        if (!end) return false;
+        if ((size_t)(end + 1 - at) == length && !memcmp(at, tag, length)) return true;
+        at = end + 1;
+    }
+    return false;
+}
+
+void request_tag(struct request *request, const char *wanted)
+{
+    struct api_response *response = &request->response;
+    if (response->status != 200 || response->stream || strncmp(request->path, "/v1/", 4)) return;
+    if (strcmp(request->method, "GET") && strcmp(request->method, "HEAD")) return;
+    snprintf(request->etag, sizeof request->etag, "\"%016llx\"",
+             (unsigned long long)hash_bytes(response->body, response->body_size));
+    if (!wanted || !lists_tag(wanted, request->etag)) return;
+    free(response->body);
+    response->body = NULL;
+    response->body_size = 0;
+    response->content_type = NULL;
+    response->status = 304;
 }
 
 /* Doubles, starting from the announced size when it is modest: an announcement costs nothing. */
@@ -139,7 +203,7 @@ static bool is_cancelled(void *user)
 {
     struct request *request = user;
     if (atomic_load_explicit(&request->gone, memory_order_relaxed)) return true;
-    if (clock_us() < request->deadline_us) return false;
+    if (request->deadline_us == INT64_MAX || clock_us() < request->deadline_us) return false;
     request->overdue = true;
     return true;
 }
@@ -173,9 +237,8 @@ bool request_is_short(struct request *request)
 void request_run(struct request *request)
 {
     const struct api_request call = call_of(request);
-    request->began_us = clock_us();
-    if (!is_cancelled(request)) api_handle(&call, &request->response);
-    request->ended_us = clock_us();
+    request->began_us = request->was_queued ? clock_us() : request->received_us;
+    if (!is_cancelled(request)) site_handle(request->site, &call, &request->response);
     if (request->overdue)
         request_refuse(request, 503, "the request took longer than the server allows");
 }
@@ -200,11 +263,18 @@ size_t request_headers(const struct request *request, struct request_header *hea
     const struct api_response *response = &request->response;
     size_t n = 0;
     if (request->id[0]) headers[n++] = (struct request_header){"X-Request-Id", request->id};
+    if (request->trace[0]) headers[n++] = (struct request_header){"traceparent", request->trace};
+    if (request->etag[0]) {
+        headers[n++] = (struct request_header){"ETag", request->etag};
+        headers[n++] = (struct request_header){"Cache-Control", "no-cache"};
+    }
     if (response->content_type)
         headers[n++] = (struct request_header){"Content-Type", response->content_type};
     for (size_t i = 0; i < response->header_count; i++)
         headers[n++] =
             (struct request_header){response->headers[i].name, response->headers[i].value};
+    if (response->status == 401)
+        headers[n++] = (struct request_header){"WWW-Authenticate", "Bearer realm=\"facetd\""};
     if (request->close) headers[n++] = (struct request_header){"Connection", "close"};
     if (!request->cors) return n;
     headers[n++] = (struct request_header){"Access-Control-Allow-Origin", request->cors};
@@ -212,8 +282,10 @@ size_t request_headers(const struct request *request, struct request_header *hea
     headers[n++] = (struct request_header){"Vary", "Origin"};
     if (strcmp(request->method, "OPTIONS")) return n;
     headers[n++] = (struct request_header){"Access-Control-Allow-Methods", "GET, HEAD, POST"};
-    headers[n++] = (struct request_header){"Access-Control-Allow-Headers",
-                                           "Content-Type, Accept, X-Request-Id"};
+    headers[n++] = (struct request_header){
+        "Access-Control-Allow-Headers",
+        "Content-Type, Accept, Authorization, If-None-Match, X-Request-Id, traceparent"};
+    headers[n++] = (struct request_header){"Access-Control-Max-Age", "86400"};
     return n;
 }
 
@@ -236,6 +308,11 @@ void request_send_raw(const struct request *request, int fd)
     shutdown(fd, SHUT_WR);
 }
 
+size_t request_answer_size(const struct request *request)
+{
+    return request->response.stream ? request->streamed : request->response.body_size;
+}
+
 static long long span(int64_t from_us, int64_t to_us)
 {
     return from_us && to_us > from_us ? (long long)(to_us - from_us) : 0;
@@ -247,13 +324,14 @@ void request_log(const struct request *request, const char *end)
     char path[256], method[sizeof request->method * 4 + 3];
     const struct api_response *response = &request->response;
     const struct api_trace *trace = &response->trace;
-    log_line("event=request id=%s method=%s path=%s status=%d in=%zu out=%zu us_receive=%lld "
+    log_line("event=request id=%s%s%s method=%s path=%s status=%d in=%zu out=%zu us_receive=%lld "
              "us_queue=%lld us_decode=%.1f us_compute=%.1f us_encode=%.1f us_total=%lld tier=%s "
              "evaluations=%zu end=%s",
-             request->id[0] ? request->id : "-", log_quote(request->method, method, sizeof method),
+             request->id[0] ? request->id : "-", request->trace[0] ? " trace=" : "",
+             request->trace, log_quote(request->method, method, sizeof method),
              log_quote(request->path, path, sizeof path), response->status, request->body_size,
-             response->stream ? request->streamed : response->body_size, span(request->started_us, request->received_us),
+             request_answer_size(request), span(request->started_us, request->received_us),
              span(request->received_us, request->began_us), trace->decode_us, trace->compute_us,
-             trace->encode_us, span(request->started_us, clock_us()),
+             trace->encode_us, span(request->started_us, request->done_us),
              trace->tier ? trace->tier : "-", trace->evaluations, end);
 }

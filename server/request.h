@@ -7,6 +7,7 @@
 
 #include "api.h"
 #include "pool.h"
+#include "site.h"
 
 #include <stdatomic.h>
 #include <stdint.h>
@@ -14,17 +15,23 @@
 enum {
     REQUEST_TARGET_MAX = 8000, /* bytes of path and query; RFC 9112 section 3 recommends 8000 */
     REQUEST_ID_MAX = 64,
-    REQUEST_BLOCK = 131072, /* bytes of a streamed answer that wait to be sent */
-    REQUEST_HEADERS_MAX = API_HEADERS_MAX + 8
+    REQUEST_BLOCK = 131072,  /* bytes of a streamed answer that wait to be sent */
+    REQUEST_TRACE_SIZE = 56, /* a traceparent of version 00 and its NUL */
+    REQUEST_ETAG_SIZE = 20,
+    REQUEST_HEADERS_MAX = API_HEADERS_MAX + 14
 };
 
 struct request {
     struct pool_job job; /* first: the pool hands it back */
     char method[16];
     char id[REQUEST_ID_MAX + 1];
+    char trace[REQUEST_TRACE_SIZE]; /* the client's traceparent; empty if none or malformed */
+    char etag[REQUEST_ETAG_SIZE];   /* of the answer; empty if it has none */
+    enum site site;
     char *target; /* owned; path and query point into it */
     const char *path, *query;
-    const char *content_type, *accept, *accept_encoding; /* the connection's, valid until the request completes */
+    /* The connection's, valid until the request completes. */
+    const char *content_type, *accept, *accept_encoding;
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;
@@ -37,9 +44,10 @@ struct request {
     const char *cors; /* value of Access-Control-Allow-Origin; NULL: none */
     bool close;       /* the connection ends after this answer */
     bool overdue;     /* the deadline passed and the work was told */
+    bool was_queued;  /* it went to a worker */
     atomic_bool gone; /* the client left: nobody wants the answer */
     int64_t deadline_us;
-    int64_t started_us, received_us, began_us, ended_us;
+    int64_t started_us, received_us, began_us, done_us;
 };
 
 /* Memory of all bodies together: a request that would pass `max` is refused. */
@@ -48,7 +56,7 @@ struct body_budget {
 };
 
 /* Copies the request line's target; false: out of memory. */
-bool request_start(struct request *request, const char *target);
+bool request_start(struct request *request, const char *target, int64_t now_us);
 
 /* Gives the body's memory back early; body_size stays, for the log. */
 void request_drop_body(struct request *request, struct body_budget *budget);
@@ -58,6 +66,9 @@ void request_clear(struct request *request, struct body_budget *budget);
 
 /* Takes the client's id if it is harmless, else makes one. */
 void request_set_id(struct request *request, const char *wanted, uint64_t *random_state);
+
+/* Takes the client's traceparent (W3C Trace Context, version 00) if it is one. */
+void request_set_trace(struct request *request, const char *traceparent);
 
 enum request_body { BODY_OK, BODY_TOO_LARGE, BODY_NO_MEMORY };
 
@@ -77,6 +88,13 @@ void request_next_block(struct request *request);
 /* Replaces the response by a problem document; with Retry-After for 429 and 503. */
 void request_refuse(struct request *request, int status, const char *detail);
 
+/*
+ * Gives the answer to a GET an entity tag made of its bytes, and turns it into 304 if the client has
+ * it already: `wanted` is If-None-Match.  For /v1 alone; what POSTs answer costs more to keep than
+ * to compute, and probes are never the same.
+ */
+void request_tag(struct request *request, const char *wanted);
+
 struct request_header {
     const char *name, *value;
 };
@@ -90,6 +108,9 @@ size_t request_headers(const struct request *request, struct request_header *hea
  * socket's buffer does not take is lost.
  */
 void request_send_raw(const struct request *request, int fd);
+
+/* Bytes of the answer's body: of a streamed one those taken so far. */
+size_t request_answer_size(const struct request *request);
 
 /* One line; `end` says how the request ended. */
 void request_log(const struct request *request, const char *end);

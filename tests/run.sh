@@ -88,6 +88,25 @@ daemons() {
     build VARIANT=asan && build VARIANT=tsan
 }
 
+# Every call that can fail, failed once, for one request of each kind; `make torture` takes all.
+torture() {
+    build/release/tests/client/facet_torture --daemon build/release/facetd \
+        --fault build/release/tests/torture/libfault.so --cases tests/client/cases \
+        --flags --sandbox=off
+}
+
+# Many clients at once, each getting its own answer; `make soak-http` takes half an hour.
+load() {
+    build/release/tests/client/facet_load --daemon build/release/facetd --cases tests/client/cases \
+        --seconds 2 --idle 300
+}
+
+# What needs packages that `make test` does without.
+extras() {
+    make -s -j"$jobs" build/release/tests/server/test_{hostile,listeners,packaging} &&
+        for t in hostile listeners packaging; do build/release/tests/server/test_$t; done
+}
+
 demo() {
     make -s demo && echo "ok demo"
 }
@@ -103,6 +122,8 @@ step tsan         env FACET_TEST_SCALE=0.05 make -s -j"$jobs" check VARIANT=tsan
 step daemons      daemons
 step cases        cases release
 step abuse        abuse release yes
+step torture      torture
+step load         load
 step cases-asan   cases asan
 step abuse-asan   abuse asan no
 step cases-tsan   cases tsan
@@ -112,6 +133,8 @@ step examples     tests/examples.sh build/release/facetd
 step lint         tests/extras.sh lint
 step tools        tests/export_tools.sh build/release/facetd
 step texts        tests/texts.sh
+
+[[ " ${wanted[*]-} " != *" extras "* ]] || step extras extras
 
 passed=$(grep -c '^ok ' "$log") failed=$(grep -c '^FAIL ' "$log") skipped=$(grep -c '^skip ' "$log")
 echo "in $((SECONDS - started)) s; every line is in $log"

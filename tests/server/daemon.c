@@ -14,6 +14,7 @@
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/time.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -75,8 +76,13 @@ bool daemon_start(struct daemon *daemon, const char *program, const char *const 
     snprintf(daemon->log, sizeof daemon->log, "/tmp/facetd-test-%ld.log", (long)getpid());
     int fd = spawn(program, all, daemon->log, &daemon->pid);
     FILE *out = fd < 0 ? NULL : fdopen(fd, "r");
-    char line[256] = "";
+    char line[256] = "", more[256];
+    bool wants_admin = false;
+    daemon->port = daemon->admin_port = 0;
+    for (int i = 0; all[i]; i++) wants_admin = wants_admin || !strcmp(all[i], "--admin");
     if (out && !fgets(line, sizeof line, out)) line[0] = 0;
+    while (out && wants_admin && fgets(more, sizeof more, out))
+        if (sscanf(more, "admin on http://127.0.0.1:%d", &daemon->admin_port) == 1) break;
     if (out) fclose(out);
     if (sscanf(line, "listening on http://127.0.0.1:%d", &daemon->port) == 1) return true;
     check_fail(__FILE__, __LINE__, "%s said \"%s\" instead of listening", program, line);
@@ -113,19 +119,35 @@ int daemon_run(const char *program, const char *const *flags, char *out, size_t 
     return daemon_wait(&daemon);
 }
 
-int daemon_connect(const struct daemon *daemon)
+static int connect_to(const void *address, socklen_t length, int family)
 {
     const struct timeval limit = {.tv_sec = 10};
-    struct sockaddr_in to = {.sin_family = AF_INET,
-                             .sin_port = htons((unsigned short)daemon->port)};
-    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    int fd = socket(AF_INET, SOCK_STREAM, 0);
+    int fd = socket(family, SOCK_STREAM, 0);
     if (fd < 0) return -1;
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
     setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
-    if (!connect(fd, (struct sockaddr *)&to, sizeof to)) return fd;
+    if (!connect(fd, address, length)) return fd;
     close(fd);
     return -1;
+}
+
+int daemon_connect_port(int port)
+{
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((unsigned short)port)};
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    return connect_to(&to, sizeof to, AF_INET);
+}
+
+int daemon_connect(const struct daemon *daemon)
+{
+    return daemon_connect_port(daemon->port);
+}
+
+int daemon_connect_path(const char *path)
+{
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    snprintf(to.sun_path, sizeof to.sun_path, "%s", path);
+    return connect_to(&to, sizeof to, AF_UNIX);
 }
 
 static bool send_all(int fd, const char *data, size_t size)
@@ -204,7 +226,7 @@ bool daemon_read(int fd, struct answer *answer)
             return false;
         }
     } while (answer->status == 100);
-    return answer->status == 204 || read_body(fd, answer);
+    return answer->status == 204 || answer->status == 304 || read_body(fd, answer);
 }
 
 bool daemon_ask(const struct daemon *daemon, const char *method, const char *path,
@@ -220,6 +242,14 @@ bool daemon_ask(const struct daemon *daemon, const char *method, const char *pat
     if (daemon_send(fd, head) && size) send_all(fd, body, size);
     bool well = daemon_read(fd, answer);
     close(fd);
+    return well;
+}
+
+bool daemon_ask_over(int fd, const char *text, struct answer *answer)
+{
+    memset(answer, 0, sizeof *answer);
+    bool well = fd >= 0 && daemon_send(fd, text) && daemon_read(fd, answer);
+    if (fd >= 0) close(fd);
     return well;
 }
 

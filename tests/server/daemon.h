@@ -6,9 +6,22 @@
 #include <stddef.h>
 #include <sys/types.h>
 
+/* GCC's names, and clang's. */
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SANITIZED true
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SANITIZED true
+#endif
+#endif
+#ifndef SANITIZED
+#define SANITIZED false
+#endif
+
 struct daemon {
     pid_t pid;
     int port;
+    int admin_port; /* of --admin 127.0.0.1:0; else 0 */
     char log[64]; /* file with its stderr */
 };
 
@@ -36,12 +49,17 @@ int daemon_run(const char *program, const char *const *flags, char *out, size_t 
 
 /* -1 if refused. */
 int daemon_connect(const struct daemon *daemon);
+int daemon_connect_port(int port);
+int daemon_connect_path(const char *path);
 bool daemon_send(int fd, const char *text);
 /* Reads one answer; waits 10 s at most.  False: none came (status 0). */
 bool daemon_read(int fd, struct answer *answer);
 /* One request on a connection of its own; path and headers ("A: b\r\n" or ""), body or NULL. */
 bool daemon_ask(const struct daemon *daemon, const char *method, const char *path,
                 const char *headers, const void *body, size_t size, struct answer *answer);
+
+/* Sends text over a connection and takes one answer; closes it. */
+bool daemon_ask_over(int fd, const char *text, struct answer *answer);
 
 bool daemon_get(const struct daemon *daemon, const char *path, struct answer *answer);
 /* Sends a request and returns its connection, from which daemon_read takes the answer. */

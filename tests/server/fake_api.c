@@ -2,19 +2,26 @@
  * fake_api.c - a stand-in behind the server's door, so that tests decide how long a request takes.
  *
  *   GET  /healthz            at once, on the network thread
+ *   GET  /v1/document        a text that never changes
+ *   GET  /forbidden          the names of those things a sandbox forbids that could be done
  *   POST /echo               the body, on the network thread; 1 MiB at most
  *   POST /spin?ms=N          busy for N ms on a worker, ending early when cancelled
  *   POST /stubborn?ms=N      the same, deaf to cancellation
  *   GET  /cancelled          how many /spin were cancelled
  *   POST /big?bytes=N        an answer of N bytes
  */
+#define _GNU_SOURCE /* MAP_ANONYMOUS */
 #include "api.h"
 
+#include <fcntl.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
 #include <time.h>
+#include <unistd.h>
 
 static atomic_int cancelled_count;
 
@@ -32,12 +39,17 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
     const bool post = !strcmp(method, "POST"), get = !strcmp(method, "GET");
     (void)content_type;
     if (get && (!strcmp(path, "/healthz") || !strcmp(path, "/cancelled")))
-        return (struct api_route){.found = true};
+        return (struct api_route){.found = true, .path = "/healthz"};
+    if (get && !strcmp(path, "/forbidden")) return (struct api_route){.found = true};
+    if (get && !strcmp(path, "/v1/document"))
+        return (struct api_route){.found = true, .path = "/v1/document"};
     if (post && !strcmp(path, "/echo"))
-        return (struct api_route){.found = true, .body_max = 1 << 20};
-    if (post && !strcmp(path, "/big")) return (struct api_route){.found = true, .body_max = 1024};
+        return (struct api_route){.found = true, .body_max = 1 << 20, .path = "/echo"};
+    if (post && !strcmp(path, "/big"))
+        return (struct api_route){.found = true, .body_max = 1024, .path = "/big"};
     if (post && (!strcmp(path, "/spin") || !strcmp(path, "/stubborn")))
-        return (struct api_route){.found = true, .is_long = true, .body_max = 64 << 20};
+        return (struct api_route){
+            .found = true, .is_long = true, .body_max = 64 << 20, .path = "/spin"};
     return (struct api_route){0};
 }
 
@@ -79,6 +91,55 @@ static void answer(struct api_response *response, int status, const void *body, 
     response->body_size = size;
 }
 
+static const char *const own_directory = "/tmp";
+
+static bool opens_a_file(void)
+{
+    int fd = open("/etc/passwd", O_RDONLY);
+    return fd >= 0 && !close(fd);
+}
+
+static bool writes_a_file(void)
+{
+    char path[64];
+    snprintf(path, sizeof path, "%s/facetd-escaped-%ld", own_directory, (long)getpid());
+    int fd = open(path, O_CREAT | O_WRONLY, 0600);
+    return fd >= 0 && !close(fd) && !unlink(path);
+}
+
+static bool opens_a_socket(void)
+{
+    int fd = socket(AF_INET, SOCK_STREAM, 0);
+    return fd >= 0 && !close(fd);
+}
+
+static bool forks(void)
+{
+    pid_t pid = fork();
+    if (pid == 0) _exit(0);
+    return pid > 0;
+}
+
+static bool maps_code(void)
+{
+    void *page = mmap(NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return page != MAP_FAILED && !munmap(page, 4096);
+}
+
+static bool lists_root(void)
+{
+    return !access("/", R_OK);
+}
+
+static void answer_forbidden(struct api_response *response)
+{
+    char done[128];
+    snprintf(done, sizeof done, "%s%s%s%s%s%s", opens_a_file() ? "open " : "",
+             writes_a_file() ? "write " : "", opens_a_socket() ? "socket " : "",
+             forks() ? "fork " : "", maps_code() ? "mmap " : "", lists_root() ? "access " : "");
+    answer(response, 200, done, strlen(done));
+}
+
 void api_handle(const struct api_request *request, struct api_response *response)
 {
     memset(response, 0, sizeof *response);
@@ -96,6 +157,10 @@ void api_handle(const struct api_request *request, struct api_response *response
         answer(response, 200, number, strlen(number));
     } else if (!strcmp(request->path, "/healthz")) {
         answer(response, 200, "well", 4);
+    } else if (!strcmp(request->path, "/forbidden")) {
+        answer_forbidden(response);
+    } else if (!strcmp(request->path, "/v1/document")) {
+        answer(response, 200, "a document", 10);
     } else {
         spin(request, parameter(request, "ms="), !strcmp(request->path, "/stubborn"));
         answer(response, 200, "done", 4);

@@ -11,18 +11,6 @@
 
 #define FACETD "../../facetd"
 
-/* GCC's names, and clang's. */
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define SANITIZED true
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SANITIZED true
-#endif
-#endif
-#ifndef SANITIZED
-#define SANITIZED false
-#endif
-
 static struct answer answer;
 
 /* A line of /proc/<pid>/status, in KiB; -1: not there. */

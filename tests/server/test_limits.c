@@ -155,6 +155,23 @@ TEST(a_slow_upload_is_cut_and_an_honest_one_is_not)
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 
+TEST(a_client_that_leaves_amid_its_upload_is_forgotten)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    int fd = daemon_connect(&daemon);
+    CHECK(daemon_send(fd, "POST /echo HTTP/1.1\r\nHost: x\r\nContent-Length: 600\r\n\r\nabc"));
+    close(fd);
+    double start = now_ms();
+    do {
+        sleep_ms(50);
+        CHECK(daemon_get(&daemon, "/metrics", &answer));
+    } while (!strstr(answer.body, "\nfacetd_connections 1\n") && now_ms() - start < 5000);
+    check_note("forgotten_ms", now_ms() - start); /* the header timeout is 10 s */
+    CHECK(now_ms() - start < 5000);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
 TEST(a_client_that_takes_no_answer_is_cut)
 {
     struct daemon daemon;

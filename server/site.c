@@ -1,0 +1,98 @@
+#include "site.h"
+
+#include "metrics.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define HEALTHZ "/healthz" /* the API's */
+#define READYZ "/readyz"
+#define METRICS "/metrics"
+
+/* The static string, NULL if the daemon itself serves nothing there. */
+static const char *own_path(const char *path)
+{
+    static const char *const own[] = {READYZ, METRICS};
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++)
+        if (!strcmp(path, own[i])) return own[i];
+    return NULL;
+}
+
+static bool reads(const char *method)
+{
+    return !strcmp(method, "GET") || !strcmp(method, "HEAD");
+}
+
+struct api_route site_lookup(enum site site, const char *method, const char *path,
+                             const char *content_type)
+{
+    const char *own = own_path(path);
+    if (own) return (struct api_route){.found = reads(method), .path = own};
+    if (site == SITE_ADMIN && strcmp(path, HEALTHZ)) return (struct api_route){0};
+    return api_lookup(method, path, content_type);
+}
+
+bool site_is_open(enum site site, const char *path)
+{
+    return site == SITE_ADMIN || !strcmp(path, HEALTHZ) || !strcmp(path, READYZ);
+}
+
+static void put_header(struct api_response *response, const char *name, const char *value)
+{
+    if (response->header_count == API_HEADERS_MAX) return;
+    struct api_header *header = &response->headers[response->header_count++];
+    header->name = name;
+    snprintf(header->value, sizeof header->value, "%s", value);
+}
+
+/* Takes over the text; NULL: out of memory. */
+static void answer(struct api_response *response, const char *type, char *text, size_t size)
+{
+    if (!text) {
+        api_refuse(503, "out of memory", response);
+        return;
+    }
+    *response = (struct api_response){
+        .status = 200, .content_type = type, .body = text, .body_size = size};
+    put_header(response, "Cache-Control", "no-store");
+}
+
+/* Ready: another long request would be taken. */
+static void handle_readyz(struct api_response *response)
+{
+    static const char ready[] = "{\"status\":\"ready\"}\n";
+    if (metrics_get(METRIC_DRAINING)) {
+        api_refuse(503, "draining: running requests finish, new ones are not taken", response);
+    } else if (metrics_get(METRIC_QUEUE_DEPTH) >= metrics_get(METRIC_QUEUE_MAX)) {
+        api_refuse(503, "all workers are busy and the queue is full", response);
+    } else {
+        answer(response, "application/json", strdup(ready), sizeof ready - 1);
+    }
+}
+
+static void handle_metrics(struct api_response *response)
+{
+    size_t size = 0;
+    char *text = metrics_print(&size);
+    answer(response, "text/plain; version=0.0.4; charset=utf-8", text, size);
+}
+
+void site_handle(enum site site, const struct api_request *request, struct api_response *response)
+{
+    const char *own = own_path(request->path);
+    if (own && !reads(request->method)) {
+        api_refuse(405, "this allows GET and HEAD", response);
+        put_header(response, "Allow", "GET, HEAD");
+    } else if (own) {
+        *response = (struct api_response){0};
+        if (!strcmp(own, READYZ))
+            handle_readyz(response);
+        else
+            handle_metrics(response);
+    } else if (site == SITE_ADMIN && strcmp(request->path, HEALTHZ)) {
+        api_refuse(404, "the admin listener serves /healthz, /readyz and /metrics", response);
+    } else {
+        api_handle(request, response);
+    }
+}

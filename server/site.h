@@ -1,0 +1,20 @@
+/*
+ * site.h - what a listener serves: the API and the daemon's own /readyz and /metrics, or, for the
+ * admin listener, nothing but the probes.
+ */
+#ifndef SITE_H
+#define SITE_H
+
+#include "api.h"
+
+enum site { SITE_MAIN, SITE_ADMIN };
+
+struct api_route site_lookup(enum site site, const char *method, const char *path,
+                             const char *content_type);
+
+void site_handle(enum site site, const struct api_request *request, struct api_response *response);
+
+/* Whether a load balancer may ask for it without the token. */
+bool site_is_open(enum site site, const char *path);
+
+#endif

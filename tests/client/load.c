@@ -1,0 +1,409 @@
+/*
+ * facet_load - many clients at once, and whether every one of them gets the right answer.
+ *
+ *   facet_load --daemon PROGRAM --cases DIR [--connections N,...] [--seconds S] [--idle N]
+ *
+ * Load: N connections (default 64; several numbers make a ramp) send the quick cases of DIR in random order for S seconds (default
+ * 5; make soak-http: 1800), pipelining none; one in 200 requests is given up in the middle. Every answer is
+ * compared with the one the daemon gave when it was alone. Then the daemon's memory is compared with
+ * what it was after the first fifth. Idle: N connections (default 0) that have had an answer and stay.
+ */
+#define _GNU_SOURCE /* strcasestr */
+#include "cases.h"
+#include "daemon.h"
+
+#include <arpa/inet.h>
+#include <ctype.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { SHOTS_MAX = 512, BODY_LARGEST = 100000, ANSWER_LARGEST = 4 << 20, LEAVE_ONE_IN = 200 };
+
+/* A request as it goes over the wire, and the status and body it must bring. */
+struct shot {
+    char *bytes;
+    size_t size;
+    int status;
+    uint64_t hash;
+    bool volatile_; /* the body holds times */
+};
+
+struct seat {
+    int fd;
+    const struct shot *shot;
+    size_t sent, got, room;
+    char *answer;
+    double begun;
+    bool leaves; /* after half of the request */
+};
+
+struct load {
+    struct daemon daemon;
+    int port, epoll;
+    struct shot shots[SHOTS_MAX];
+    size_t shot_count, wrong, right, busy, left, broken;
+    uint64_t random;
+    float *ms;
+    size_t ms_count, ms_room;
+};
+
+static double now_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+static uint64_t next(uint64_t *state)
+{
+    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    return z ^ (z >> 31);
+}
+
+static int connect_to(int port)
+{
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((unsigned short)port)};
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    int fd = socket(AF_INET, SOCK_STREAM, 0);
+    if (fd >= 0 && !connect(fd, (struct sockaddr *)&to, sizeof to)) return fd;
+    if (fd >= 0) close(fd);
+    return -1;
+}
+
+/* The body of an answer; NULL until its head is there. */
+static const char *body_of(const char *text, size_t size)
+{
+    for (size_t i = 0; i + 4 <= size; i++)
+        if (!memcmp(text + i, "\r\n\r\n", 4)) return text + i + 4;
+    return NULL;
+}
+
+/* A line of the head by its name. */
+static const char *header(const char *text, const char *body, const char *name)
+{
+    const size_t length = strlen(name);
+    for (const char *at = text; at < body; at++)
+        if (!strncmp(at, "\r\n", 2) && !strncasecmp(at + 2, name, length)) return at + 2 + length;
+    return NULL;
+}
+
+/* The next chunk of a body; the last one is empty.  NULL: it is not all there. */
+static const char *next_chunk(const char **at, const char *end, size_t *size)
+{
+    char *line_end;
+    *size = strtoul(*at, &line_end, 16);
+    if (line_end == *at || end - line_end < 4 || (size_t)(end - line_end) - 4 < *size) return NULL;
+    *at = line_end + 2 + *size + 2;
+    return line_end + 2;
+}
+
+/* The whole answer's size; 0 as long as its head, or a chunk, is missing. */
+static size_t answer_size(const char *text, size_t size)
+{
+    const char *body = body_of(text, size), *length;
+    if (!body) return 0;
+    if (header(text, body, "Transfer-Encoding:")) {
+        const char *at = body;
+        size_t n = 1;
+        while (n)
+            if (!next_chunk(&at, text + size, &n)) return 0;
+        return (size_t)(at - text);
+    }
+    length = header(text, body, "Content-Length:");
+    return (size_t)(body - text) + (length ? strtoul(length, NULL, 10) : 0);
+}
+
+static uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size)
+{
+    for (size_t i = 0; i < size; i++) hash = (hash ^ (unsigned char)bytes[i]) * 1099511628211u;
+    return hash;
+}
+
+/* Of a whole answer; where chunks begin and end does not matter. */
+static uint64_t hash_body(const char *text, size_t size)
+{
+    uint64_t hash = 1469598103934665603u;
+    const char *body = body_of(text, size), *piece;
+    size_t n;
+    if (!header(text, body, "Transfer-Encoding:"))
+        return hash_bytes(hash, body, (size_t)(text + size - body));
+    while ((piece = next_chunk(&body, text + size, &n)) && n) hash = hash_bytes(hash, piece, n);
+    return hash;
+}
+
+/* ---- One client, waiting ------------------------------------------------------------------------ */
+
+static bool ask(int port, const struct shot *shot, int *status, uint64_t *hash)
+{
+    char *answer = malloc(ANSWER_LARGEST + 1);
+    size_t got = 0, whole = 0;
+    ssize_t n;
+    const struct timeval limit = {.tv_usec = 100000}; /* what takes longer is not for this */
+    int fd = connect_to(port);
+    if (fd >= 0) setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    bool well = answer && fd >= 0 && send(fd, shot->bytes, shot->size, MSG_NOSIGNAL) > 0;
+    while (well && (!whole || got < whole)) {
+        n = got < ANSWER_LARGEST ? recv(fd, answer + got, ANSWER_LARGEST - got, 0) : 0;
+        if (n <= 0) break;
+        got += (size_t)n;
+        answer[got] = 0;
+        whole = answer_size(answer, got);
+    }
+    well = well && whole && got == whole && sscanf(answer, "HTTP/1.1 %d", status) == 1;
+    if (well) *hash = hash_body(answer, got);
+    if (fd >= 0) close(fd);
+    free(answer);
+    return well;
+}
+
+static void add_shot(struct load *load, const struct test_case *c)
+{
+    const json_t *request = json_object_get(c->root, "request");
+    const char *path = json_string_value(json_object_get(request, "path")),
+               *method = json_string_value(json_object_get(request, "method")), *key;
+    json_t *value;
+    struct body body;
+    struct shot shot = {0}, again;
+    enum body_result made = path ? body_make(request, &body) : BODY_BAD;
+    if (made == BODY_BAD || made == BODY_ABSENT || load->shot_count == SHOTS_MAX) return;
+    if ((method && !strcmp(method, "HEAD")) || body.size > BODY_LARGEST) return body_clear(&body);
+    FILE *f = open_memstream(&shot.bytes, &shot.size);
+    if (!f) return body_clear(&body);
+    bool has_type = false;
+    fprintf(f, "%s %s HTTP/1.1\r\nHost: x\r\n", method ? method : body.bytes ? "POST" : "GET", path);
+    json_object_foreach(json_object_get(request, "headers"), key, value)
+    {
+        fprintf(f, "%s: %s\r\n", key, json_string_value(value));
+        has_type = has_type || !strcasecmp(key, "Content-Type");
+    }
+    if (body.bytes && !has_type) fprintf(f, "Content-Type: %s\r\n", body.type);
+    fprintf(f, "Content-Length: %zu\r\n\r\n", body.size);
+    if (body.bytes) fwrite(body.bytes, 1, body.size, f);
+    fclose(f);
+    body_clear(&body);
+    double begin = now_s();
+    bool well = ask(load->port, &shot, &shot.status, &shot.hash) && now_s() - begin < 0.02 &&
+                ask(load->port, &shot, &again.status, &again.hash);
+    shot.volatile_ = well && again.hash != shot.hash;
+    if (well && shot.status < 500)
+        load->shots[load->shot_count++] = shot;
+    else
+        free(shot.bytes);
+}
+
+/* ---- Many ---------------------------------------------------------------------------------------- */
+
+static void begin(struct load *load, struct seat *seat)
+{
+    seat->shot = &load->shots[next(&load->random) % load->shot_count];
+    seat->sent = seat->got = 0;
+    seat->leaves = next(&load->random) % LEAVE_ONE_IN == 0;
+    seat->begun = now_s();
+}
+
+static void sit(struct load *load, struct seat *seat)
+{
+    seat->fd = connect_to(load->port);
+    if (seat->fd < 0) return;
+    fcntl(seat->fd, F_SETFL, O_NONBLOCK);
+    struct epoll_event event = {.events = EPOLLIN | EPOLLOUT, .data.ptr = seat};
+    epoll_ctl(load->epoll, EPOLL_CTL_ADD, seat->fd, &event);
+    begin(load, seat);
+}
+
+static void watch(struct load *load, struct seat *seat, bool also_write)
+{
+    struct epoll_event event = {.events = EPOLLIN | (also_write ? EPOLLOUT : 0), .data.ptr = seat};
+    epoll_ctl(load->epoll, EPOLL_CTL_MOD, seat->fd, &event);
+}
+
+static void sit_again(struct load *load, struct seat *seat, size_t *counter)
+{
+    ++*counter;
+    close(seat->fd);
+    sit(load, seat);
+}
+
+static void judge(struct load *load, struct seat *seat)
+{
+    int status = 0;
+    sscanf(seat->answer, "HTTP/1.1 %d", &status);
+    bool busy = status == 503; /* an honest no is not a wrong answer */
+    if (status != seat->shot->status ? !busy
+                                     : !seat->shot->volatile_ &&
+                                           hash_body(seat->answer, seat->got) != seat->shot->hash) {
+        if (load->wrong++ < 5)
+            printf("  status %d, not %d, for %.60s\n%.*s\n", status, seat->shot->status,
+                   seat->shot->bytes, (int)(seat->got < 500 ? seat->got : 500), seat->answer);
+    } else if (busy && seat->shot->status != 503) {
+        load->busy++;
+    } else {
+        load->right++;
+    }
+    if (load->ms_count < load->ms_room)
+        load->ms[load->ms_count++] = (float)(1e3 * (now_s() - seat->begun));
+    bool close_it = strcasestr(seat->answer, "\r\nConnection: close") != NULL;
+    if (close_it) {
+        close(seat->fd);
+        sit(load, seat);
+    } else {
+        begin(load, seat);
+        watch(load, seat, true);
+    }
+}
+
+static void step(struct load *load, struct seat *seat, uint32_t events)
+{
+    if (events & EPOLLOUT) {
+        size_t upto = seat->leaves ? seat->shot->size / 2 : seat->shot->size;
+        ssize_t n = send(seat->fd, seat->shot->bytes + seat->sent, upto - seat->sent, MSG_NOSIGNAL);
+        if (n > 0) seat->sent += (size_t)n;
+        if (seat->sent == upto && seat->leaves) return sit_again(load, seat, &load->left);
+        if (seat->sent == upto) watch(load, seat, false);
+    }
+    if (!(events & (EPOLLIN | EPOLLHUP | EPOLLERR))) return;
+    if (seat->room < seat->got + 65536) {
+        char *more = realloc(seat->answer, seat->room = 2 * seat->room + 131072);
+        if (!more) exit(2);
+        seat->answer = more;
+    }
+    ssize_t n = recv(seat->fd, seat->answer + seat->got, seat->room - seat->got - 1, 0);
+    if (n < 0 && errno == EAGAIN) return;
+    if (n <= 0) return sit_again(load, seat, &load->broken);
+    seat->got += (size_t)n;
+    seat->answer[seat->got] = 0;
+    size_t whole = answer_size(seat->answer, seat->got);
+    if (whole && seat->got >= whole) judge(load, seat);
+}
+
+static void run(struct load *load, struct seat *seats, size_t count, double seconds)
+{
+    struct epoll_event events[256];
+    for (size_t i = 0; i < count; i++)
+        if (seats[i].fd <= 0) sit(load, &seats[i]);
+    for (double end = now_s() + seconds; now_s() < end;) {
+        int n = epoll_wait(load->epoll, events, 256, 100);
+        for (int i = 0; i < n; i++) step(load, events[i].data.ptr, events[i].events);
+    }
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static bool load_and_soak(struct load *load, size_t connections, double seconds)
+{
+    struct seat *seats = calloc(connections, sizeof *seats);
+    load->wrong = load->right = load->busy = load->left = load->broken = load->ms_count = 0;
+    load->epoll = epoll_create1(0);
+    load->ms_room = 4000000;
+    load->ms = malloc(load->ms_room * sizeof *load->ms);
+    if (!seats || !load->ms || load->epoll < 0) return false;
+    double begun = now_s();
+    run(load, seats, connections, seconds / 5);
+    size_t before = daemon_resident(&load->daemon);
+    run(load, seats, connections, seconds * 4 / 5);
+    size_t after = daemon_resident(&load->daemon), requests = load->right + load->busy + load->wrong;
+    double drift = 100 * ((double)after - (double)before) / (double)before;
+    qsort(load->ms, load->ms_count, sizeof *load->ms, by_size);
+    bool bad = load->wrong || load->broken || !load->right || (seconds >= 600 && drift >= 1);
+    printf("%s load: %zu connections, %.0f s, %zu requests of %zu kinds (%.0f a second), %zu wrong, "
+           "%zu busy, %zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %zu kB, then %zu kB "
+           "(%+.2f %%)\n",
+           bad ? "FAIL" : "ok", connections, seconds, requests, load->shot_count,
+           (double)requests / (now_s() - begun), load->wrong, load->busy, load->broken, load->left,
+           load->ms_count ? (double)load->ms[load->ms_count / 2] : 0,
+           load->ms_count ? (double)load->ms[load->ms_count * 99 / 100] : 0, before, after, drift);
+    for (size_t i = 0; i < connections; i++) {
+        if (seats[i].fd > 0) close(seats[i].fd);
+        free(seats[i].answer);
+    }
+    free(seats);
+    free(load->ms);
+    close(load->epoll);
+    return !bad;
+}
+
+/* Memory of connections that have had an answer and wait. */
+static bool idle(struct load *load, size_t count)
+{
+    enum { LIMIT_KB = 70 };
+    static const char get[] = "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n";
+    int *fds = calloc(count, sizeof *fds);
+    size_t before = daemon_resident(&load->daemon), open_count = 0;
+    char answer[1024];
+    if (!fds) return false;
+    for (size_t i = 0; i < count; i++) {
+        if ((fds[i] = connect_to(load->port)) < 0) break;
+        if (send(fds[i], get, sizeof get - 1, MSG_NOSIGNAL) < 0) break;
+        if (recv(fds[i], answer, sizeof answer, 0) < 12 || memcmp(answer + 9, "200", 3)) break;
+        open_count++;
+    }
+    double each = open_count ? ((double)daemon_resident(&load->daemon) - (double)before) /
+                                   (double)open_count
+                             : 0;
+    bool bad = open_count < count || each > LIMIT_KB;
+    printf("%s idle: %zu connections, %.1f kB each\n", bad ? "FAIL" : "ok", open_count, each);
+    for (size_t i = 0; i < count; i++)
+        if (fds[i] > 0) close(fds[i]);
+    free(fds);
+    return !bad;
+}
+
+int main(int argc, char **argv)
+{
+    static struct load load;
+    struct cases cases = {0};
+    const char *program = NULL, *dir = NULL;
+    const char *ramp = "64";
+    size_t idle_count = 0;
+    double seconds = 5;
+    for (int i = 1; i + 1 < argc; i += 2) {
+        if (!strcmp(argv[i], "--daemon")) program = argv[i + 1];
+        if (!strcmp(argv[i], "--cases")) dir = argv[i + 1];
+        if (!strcmp(argv[i], "--connections")) ramp = argv[i + 1];
+        if (!strcmp(argv[i], "--seconds")) seconds = strtod(argv[i + 1], NULL);
+        if (!strcmp(argv[i], "--idle")) idle_count = strtoul(argv[i + 1], NULL, 10);
+    }
+    struct rlimit limit;
+    if (!getrlimit(RLIMIT_NOFILE, &limit)) {
+        limit.rlim_cur = limit.rlim_max;
+        setrlimit(RLIMIT_NOFILE, &limit);
+    }
+    setenv("FACETD_MAX_CONNECTIONS", "20000", 1);
+    setenv("FACETD_TIMEOUT", "3600", 1);
+    if (!program || !dir || !cases_load(dir, NULL, &cases) || !daemon_start(program, &load.daemon)) {
+        fprintf(stderr, "usage: facet_load --daemon PROGRAM --cases DIR [--connections N,...] "
+                        "[--seconds S] [--idle N]\n");
+        return 2;
+    }
+    load.port = atoi(strrchr(load.daemon.url, ':') + 1);
+    bool well = !idle_count || idle(&load, idle_count);
+    for (size_t i = 0; i < cases.count; i++) add_shot(&load, &cases.list[i]);
+    for (char *at = (char *)ramp; seconds > 0 && *at; at += strspn(at, ",")) {
+        size_t connections = strtoul(at, &at, 10);
+        if (!connections) break;
+        well = load_and_soak(&load, connections, seconds) && well;
+    }
+    int ended = daemon_stop(&load.daemon);
+    printf("%s load/ends: exit %d after SIGTERM\n", ended ? "FAIL" : "ok", ended);
+    for (size_t i = 0; i < load.shot_count; i++) free(load.shots[i].bytes);
+    cases_clear(&cases);
+    return well && !ended ? 0 : 1;
+}
