@@ -251,8 +251,10 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
         return answer(http, client);
     }
     request->was_queued = true; /* before, as the worker reads it */
+    request->crew = http->pool;
     if (!pool_submit(http->pool, &request->job)) {
         request->was_queued = false;
+        request->crew = NULL;
         request_refuse(request, 503, "all workers are busy and the queue is full");
         return answer(http, client);
     }

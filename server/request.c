@@ -208,6 +208,11 @@ static bool is_cancelled(void *user)
     return true;
 }
 
+static void share(void *crew, size_t count, void (*task)(void *arg, size_t index), void *arg)
+{
+    pool_share(crew, count, task, arg);
+}
+
 static struct api_request call_of(struct request *request)
 {
     return (struct api_request){
@@ -223,6 +228,8 @@ static struct api_request call_of(struct request *request)
         .body_size = request->body_size,
         .cancelled = is_cancelled,
         .user = request,
+        .share = request->crew ? share : NULL,
+        .crew = request->crew,
     };
 }
 
