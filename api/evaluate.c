@@ -69,8 +69,11 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         double b;
         if (!asked(job->evaluation, q)) continue;
-        if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, job->input_error, &b))
-            return false;
+        bool promised = q == FACET_PDF ? facet_pdf_bound(job->surface.brdf, tier, job->evaluation->sampler,
+                                                         job->input_error, &b)
+                                       : facet_bound(job->surface.brdf, tier, (facet_quantity)q,
+                                                     job->input_error, &b);
+        if (!promised) return false;
         b += job->surface.parameter_error;
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
         if (b > *bound) *bound = b;
@@ -135,6 +138,17 @@ static bool print_chunk(struct call *call, struct job *job, size_t n)
     return true;
 }
 
+/* The pdf of a sampler is asked for alone. */
+static facet_status run(const struct job *job, size_t n)
+{
+    const facet_brdf *brdf = job->surface.brdf;
+    facet_vec3_in wi = in(job->directions), wo = in(job->directions + 3);
+    if (job->evaluation->sampler == FACET_SAMPLER_AUTO)
+        return facet_eval(brdf, job->promise.tier, wi, wo, n, &job->outputs);
+    return facet_pdf(brdf, job->promise.tier, job->evaluation->sampler, wi, wo, n,
+                     job->outputs.of[FACET_PDF][0]);
+}
+
 static bool compute(struct call *call, struct job *job)
 {
     struct api_trace *trace = &call->response->trace;
@@ -143,8 +157,7 @@ static bool compute(struct call *call, struct job *job)
         if (!api_still_wanted(call)) return false;
         double start = api_clock();
         api_pairs_fill(&job->pairs, i, n, job->directions);
-        facet_status status = facet_eval(job->surface.brdf, job->promise.tier, in(job->directions),
-                                         in(job->directions + 3), n, &job->outputs);
+        facet_status status = run(job, n);
         if (status) return api_problem_status(call->problem, status, NULL);
         double computed = api_clock();
         trace->compute_us += computed - start;

@@ -1,6 +1,6 @@
 /*
- * sample.h - visible normals of the standard surface (alpha = 1), seen from the
- * stretched direction (a, b, c) (Dupuy 2015 eqs. 2.35, 3.4).
+ * sample.h - normals of the standard surface (alpha = 1), all of them or those
+ * seen from the stretched direction (a, b, c) (Dupuy 2015 eqs. 2.35, 3.4).
  */
 #ifndef FACET_SAMPLE_H
 #define FACET_SAMPLE_H
@@ -22,26 +22,76 @@ struct normal {
 /* Keeps a direction that sees nothing from giving a normal of length 0. */
 #define NORMAL_MIN (REAL_IS_FLOAT ? R(1e-15) : R(1e-140))
 
+/* ---- GGX: caps ----------------------------------------------------------------------- */
+
 /*
- * GGX: spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap
- * of directions above -k'_z: m_z = (1 - u2)(1 + k'_z), and the radius of C from
- * 1 - C_z = u2 (1 + k'_z), 1 + C_z = (1 - k'_z) + (1 - u2)(1 + k'_z), where
- * 1 +- k'_z, 1 - u2 and their products are never differences.
+ * The share K of the cap's lower bound -K c that is left where nothing below it rises
+ * above the horizon (Eto & Tokuyoshi 2023): K = (1 - A^2) q^2 / (q^2 + A^2 z^2), 1 - K
+ * = A^2 (q^2 + z^2) / (q^2 + A^2 z^2), q = 1 +- |wo_xy|; 1 for wo below the horizon.
  */
-INLINE struct normal ggx_sample(struct direction o, struct uniform u1, struct uniform u2)
+struct share {
+    real kept, cut; /* K and 1 - K */
+};
+
+INLINE struct share cap_share(const struct kernel_surface *s, struct vec3 wo)
+{
+    real side = root_from_zero(madd(wo.x, wo.x, wo.y * wo.y)), z2 = wo.z * wo.z;
+    real q = madd(splat(R(s->cap_side)), side, splat(1)), q2 = q * q;
+    real inverse = recip(real_max(madd(splat(R(s->cap_a2)), z2, q2), splat(REAL_MIN)));
+    mask above = less(splat(0), wo.z);
+    return (struct share){ select(above, R(s->cap_keep) * q2 * inverse, splat(1)),
+                           select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0)) };
+}
+
+/* pdf = D / this: 2 (K c + r), which is 4 sigma_o where K = 1. */
+INLINE real cap_area(struct share share, struct direction o)
+{
+    return select(less(splat(0), o.c), 2 * madd(share.kept, o.c, ggx_length(o)), 4 * ggx_sigma(o));
+}
+
+/*
+ * Spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap of
+ * directions above -K k'_z: m_z = (1 - u2)(1 + K k'_z) + (1 - K) k'_z, and the radius
+ * of C from 1 - C_z = u2 (1 + K k'_z), 1 + C_z = (1 - K k'_z) + (1 - u2)(1 + K k'_z),
+ * where 1 +- k'_z, 1 - u2, 1 - K and their products are never differences.
+ */
+INLINE struct normal cap_sample(struct direction o, struct share share, bool bounded, struct uniform u1,
+                                struct uniform u2)
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
-    real large = r + real_abs(o.c), more = large * inverse;
+    real large = r + real_abs(o.c), more = large * inverse, lift = splat(0);
     real less_ = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
     mask behind = less(o.c, splat(0));
     real up = select(behind, less_, more), down = select(behind, more, less_);
+    if (bounded) {
+        real k = o.c * inverse;
+        lift = share.cut * k;
+        up = select(behind, up, madd(share.kept, k, splat(1)));
+        down = select(behind, down, lift + down);
+    }
     real z = u2.rest * up, radius = root_from_zero(u2.u * up * (down + z));
     struct sin_cos turn = sin_cos_turns(u1.u);
     real x = madd(radius, turn.cos, o.a * inverse), y = madd(radius, turn.sin, o.b * inverse);
-    z = real_max(z, splat(NORMAL_MIN));
+    z = real_max(z + lift, splat(NORMAL_MIN));
     real mm = madd(x, x, madd(y, y, z * z));
     return (struct normal){ x, y, z, mm, splat(R(ONE_OVER_PI)) };
 }
+
+/* ---- all normals ------------------------------------------------------------------------ */
+
+/* By D h_z (Walter et al. 2007, eqs. 28, 29, 35, 36): tan^2 theta = -log(1 - u1) or u1 / (1 - u1). */
+INLINE struct normal any_normal(enum facet_ndf ndf, struct uniform u1, struct uniform u2)
+{
+    struct sin_cos turn = sin_cos_turns(u2.u);
+    if (ndf == FACET_GGX) {
+        real radius = root_from_zero(u1.u), z = real_max(root_from_zero(u1.rest), splat(NORMAL_MIN));
+        return (struct normal){ radius * turn.cos, radius * turn.sin, z, splat(1), splat(R(ONE_OVER_PI)) };
+    }
+    real radius = root_from_zero(minus_log(u1.u, u1.rest));
+    return (struct normal){ radius * turn.cos, radius * turn.sin, splat(1), splat(1), u1.rest * R(ONE_OVER_PI) };
+}
+
+/* ---- Beckmann: slopes ---------------------------------------------------------------------- */
 
 #if !REAL_IS_FLOAT /* floats are not enough where the CDF is inverted */
 
@@ -180,26 +230,28 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
 
 #endif
 
-struct sampled {
+/* ---- reflection --------------------------------------------------------------------------- */
+
+struct reflected {
     struct vec3 wi, h;
-    real pdf;
+    real density; /* D */
+    real seen;    /* |wo.h| / h_z */
 };
 
-/* The affine map, reflection wi = 2 (wo.h) h - wo, and pdf = D / (4 sigma_o). */
-INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_surface *s, struct vec3 wo,
-                                     struct direction o, struct normal m)
+/* The affine map, and reflection wi = 2 (wo.h) h - wo. */
+INLINE struct reflected reflect_sample(const struct kernel_surface *s, struct vec3 wo, struct normal m)
 {
     real hx = nmadd(m.z, splat(R(s->slope_x)), R(s->alpha_x) * m.x);
     real hy = madd(splat(R(s->rho_alpha_y)), m.x, nmadd(m.z, splat(R(s->slope_y)), R(s->kappa_alpha_y) * m.y));
     real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = rsqrt(hh);
     /* Of the h that is used: wi stays a mirror image, whatever rounding did to h. */
-    real twice = quotient(2 * madd(wo.x, hx, madd(wo.y, hy, wo.z * m.z)), hh);
-    const struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
+    real dot = madd(wo.x, hx, madd(wo.y, hy, wo.z * m.z)), twice = quotient(2 * dot, hh);
     real q = quotient(hh, m.mm * R(s->root_det));
-    return (struct sampled){
+    return (struct reflected){
         .wi = { madd(twice, hx, -wo.x), madd(twice, hy, -wo.y), madd(twice, m.z, -wo.z) },
         .h = { hx * inverse, hy * inverse, m.z * inverse },
-        .pdf = ratio(q * q * m.density, 4 * sigma_scaled(model, s, o)),
+        .density = q * q * m.density,
+        .seen = quotient(real_abs(dot), m.z),
     };
 }
 
