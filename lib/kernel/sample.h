@@ -93,8 +93,6 @@ INLINE struct normal any_normal(enum facet_ndf ndf, struct uniform u1, struct un
 
 /* ---- Beckmann: slopes ---------------------------------------------------------------------- */
 
-#if !REAL_IS_FLOAT /* floats are not enough where the CDF is inverted */
-
 /* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
 struct view {
     real v, g, n;
@@ -110,18 +108,19 @@ struct cdf {
 /*
  * 1 - F next to x = v, where it is lost as a difference: the integral of
  * t exp(2 v t - t^2) over [0, d], term by term of Hermite's generating function.
- * For |2 v d| + d^2 < EDGE the terms left out are below 1e-14 of the sum.
+ * For |2 v d| + d^2 < EDGE the terms left out are below the rounding of the sum.
+ * In float the difference is lost earlier, and fewer digits are asked for.
  */
-#define EDGE 0.02
+#define EDGE (REAL_IS_FLOAT ? 0.25 : 0.02)
 INLINE real edge_integral(real v, real d)
 {
-    enum { TERMS = 13 };
-    real previous = splat(0), term = splat(1), sum = splat(0.5); /* H_n d^n / n! */
+    enum { TERMS = REAL_IS_FLOAT ? 10 : 13 };
+    real previous = splat(0), term = splat(1), sum = splat(R(0.5)); /* H_n d^n / n! */
     for (int n = 1; n < TERMS; n++) {
-        real next = 2 * (v * d * term - d * d * previous) * (1.0 / n);
+        real next = 2 * (v * d * term - d * d * previous) * R(1.0 / n);
         previous = term;
         term = next;
-        sum += term * (1.0 / (n + 2));
+        sum += term * R(1.0 / (n + 2));
     }
     return d * d * sum;
 }
@@ -129,7 +128,7 @@ INLINE real edge_integral(real v, real d)
 /* The given F, or what is exact at d = v - x next to the edge. */
 INLINE struct cdf at_edge(const struct view *view, real d, struct cdf away)
 {
-    mask near = less(real_abs(2 * view->v * d) + d * d, splat(EDGE));
+    mask near = less(real_abs(2 * view->v * d) + d * d, splat(R(EDGE)));
     if (!any(near)) return away;
     real upper = view->edge * edge_integral(view->v, d);
     return (struct cdf){ select(near, 1 - upper, away.lower), select(near, upper, away.upper), away.slope };
@@ -137,23 +136,23 @@ INLINE struct cdf at_edge(const struct view *view, real d, struct cdf away)
 
 INLINE struct cdf front_cdf(const struct view *view, real x)
 {
-    real e = exp_minus(x * x), w = ERFC_SCALE / (ERFC_SCALE + real_abs(x)), erfcx = erfcx_tail(w);
-    real below = e * (view->g * erfcx + view->n * (1 / SQRT_PI)) * 0.5;
-    real above = e * ((view->g - view->n * x) * erfcx * 0.5 - view->n * psi_x(w)) + view->at_v;
+    real e = exp_minus(x * x), w = R(ERFC_SCALE) / (R(ERFC_SCALE) + real_abs(x)), erfcx = erfcx_tail(w);
+    real below = e * (view->g * erfcx + view->n * R(1 / SQRT_PI)) * R(0.5);
+    real above = e * ((view->g - view->n * x) * erfcx * R(0.5) - view->n * psi_x(w)) + view->at_v;
     above = real_max(above, splat(0));
     mask left = less(x, splat(0));
     struct cdf away = { select(left, below, 1 - above), select(left, 1 - below, above),
-                        (view->g - view->n * x) * e * (1 / SQRT_PI) };
+                        (view->g - view->n * x) * e * R(1 / SQRT_PI) };
     return at_edge(view, view->v - x, away);
 }
 
 /* Over d = v - x for v < 0, where the slope density has only its tail left: F falls from 1 to 0. */
 INLINE struct cdf back_cdf(const struct view *view, real d)
 {
-    real v = real_abs(view->v), x = v + d, w = ERFC_SCALE / (ERFC_SCALE + x);
+    real v = real_abs(view->v), x = v + d, w = R(ERFC_SCALE) / (R(ERFC_SCALE) + x);
     real e = exp_minus(d * (d + 2 * v)) * view->n;
-    real lower = e * madd(0.5 * d, erfcx_tail(w), psi_x(w));
-    struct cdf away = { lower, 1 - lower, -d * e * (1 / SQRT_PI) };
+    real lower = e * madd(R(0.5) * d, erfcx_tail(w), psi_x(w));
+    struct cdf away = { lower, 1 - lower, -d * e * R(1 / SQRT_PI) };
     return at_edge(view, d, away);
 }
 
@@ -166,36 +165,67 @@ INLINE struct cdf cdf_at(const struct view *view, real x)
                          select(view->back, back.slope, front.slope) };
 }
 
+/* Newton's step for F(x) = u: of the smaller tail's logarithm in float, which is concave. */
+INLINE real newton_step(struct cdf f, struct uniform u)
+{
+#if REAL_IS_FLOAT
+    mask left = less(u.u, u.rest);
+    real lower = (minus_log(u.rest, u.u) - minus_log(f.upper, f.lower)) * f.lower;
+    real upper = (minus_log(f.lower, f.upper) - minus_log(u.u, u.rest)) * f.upper;
+    return select(left, lower, upper) / f.slope;
+#else
+    real excess = select(less(f.lower, f.upper), f.lower - u.u, u.rest - f.upper);
+    return excess / f.slope;
+#endif
+}
+
 /*
  * x with F(x) = u (of a back view: its d) by Newton's method kept inside a
  * bracket: monotone in u, so that stratified points stay stratified.
  */
-INLINE real invert(const struct view *view, struct uniform u)
+INLINE real invert(const struct view *view, struct uniform u, real x)
 {
-    enum { STEPS = 100 };
-    const double tolerance = COMPENSATED ? 4e-16 : 1e-13;
+    enum { STEPS = REAL_IS_FLOAT ? 16 : 100 };
+    const lane tolerance = COMPENSATED ? R(4e-16) : REAL_IS_FLOAT ? R(1e-6) : R(1e-13);
+    /* Floats of F do not tell slopes near 0 apart. */
+    const real least = splat(REAL_IS_FLOAT ? R(0.5) : R(0));
     real low = view->low, high = view->high;
-    real x = select(view->back, 0.5 * (low + high), real_min(splat(0), high));
     mask active = less(splat(0), splat(1));
     for (int step = 0; step < STEPS && any(active); step++) {
         struct cdf f = cdf_at(view, x);
+        real by = newton_step(f, u);
         real excess = select(less(f.lower, f.upper), f.lower - u.u, u.rest - f.upper);
         mask over = less(splat(0), excess) ^ view->back;
         high = select(over, x, high);
         low = select(over, low, x);
-        real next = x - excess / f.slope;
-        next = select(less(low, next) & less(next, high), next, 0.5 * (low + high));
-        mask moves = less(tolerance * real_abs(x), real_abs(next - x));
-        mask wide_open = less(tolerance * real_abs(high), high - low);
+        /* A last step may leave the bracket by rounding; what is not a number is no last step. */
+        mask moves = (mask)~less(real_abs(by), tolerance * real_max(real_abs(x), least));
+        real next = x - by, middle = R(0.5) * (low + high);
+        next = select(moves, select(less(low, next) & less(next, high), next, middle), next);
+        mask wide_open = less(tolerance * real_max(real_abs(high), least), high - low);
         x = select(active, next, x);
         active &= moves & wide_open;
     }
     return x;
 }
 
+/* About the normal quantile erfinv(2 u - 1), and that of exp(-x^2), x < 0 (Winitzki's form of erfinv). */
+struct guess {
+    real normal, tail;
+};
+
+INLINE struct guess guess_of(struct uniform u)
+{
+    real lower = minus_log(u.rest, u.u), upper = minus_log(u.u, u.rest); /* -log u, -log(1 - u) */
+    real half = R(0.5) * (R(-1.3862943611) + lower + upper), part = R(4.3307) - half; /* 2/(pi 0.147) + log(1 - x^2)/2 */
+    real root_ = root_from_zero(real_max(madd(part, part, R(13.6054) * half) , splat(0)));
+    real size = root_from_zero(real_max(root_ - part, splat(0)));
+    return (struct guess){ select(less(u.u, u.rest), -size, size), -root_from_zero(lower) };
+}
+
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
-#define SLOPE_MAX 1e140 /* its square is finite, stretched too */
-#define SLOPE_END 6.7
+#define SLOPE_MAX (REAL_IS_FLOAT ? R(1e15) : R(1e140)) /* its square is finite, stretched too */
+#define SLOPE_END R(6.7)
 
 INLINE struct view view_from(struct direction o, real s)
 {
@@ -207,7 +237,7 @@ INLINE struct view view_from(struct direction o, real s)
     real back_end = end * end / (real_sqrt(madd(v, v, end * end)) - v);
     return (struct view){
         .v = v, .g = o.c / area, .n = n, .at_v = n * psi_x(beckmann_tail(o, s)) * e,
-        .edge = n * (1 / SQRT_PI) * select(back, splat(1), e),
+        .edge = n * R(1 / SQRT_PI) * select(back, splat(1), e),
         .low = select(back, splat(0), -end), .high = select(back, back_end, real_min(v, end)), .back = back,
     };
 }
@@ -216,19 +246,20 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
 {
     real s = real_sqrt(o.s2), safe = real_max(s, splat(REAL_MIN)), zero = splat(0);
     struct view view = view_from(o, s);
-    real found = invert(&view, u1), x = select(view.back, view.v - found, found);
+    struct guess first = guess_of(u1), second = guess_of(u2);
+    real start = madd(view.g, first.normal - first.tail, first.tail);
+    start = select(view.back, R(0.5) * (view.low + view.high), real_min(start, R(0.5) * (view.high + first.tail)));
+    real found = invert(&view, u1, start), x = select(view.back, view.v - found, found);
     /* The Gaussian alone: seen from the pole. */
     struct view plain = { splat(SLOPE_MAX), splat(1), zero, zero, zero, splat(-SLOPE_END), splat(SLOPE_END), less(zero, zero) };
-    real y = invert(&plain, u2);
+    real y = invert(&plain, u2, second.normal);
     mask pole = less(s, splat(REAL_MIN));
     real ca = select(pole, splat(1), o.a / safe), cb = select(pole, zero, o.b / safe);
     real behind = madd(y, y, found * (found + 2 * real_abs(view.v)));
     real exponent = select(view.back, behind, madd(y, y, x * x));
     return (struct normal){ .x = nmadd(x, ca, y * cb), .y = -madd(x, cb, y * ca), .z = splat(1), .mm = splat(1),
-                            .density = exp_minus(exponent) * ONE_OVER_PI };
+                            .density = exp_minus(exponent) * R(ONE_OVER_PI) };
 }
-
-#endif
 
 /* ---- reflection --------------------------------------------------------------------------- */
 

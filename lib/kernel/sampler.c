@@ -27,9 +27,7 @@ INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf,
                                  struct share share, struct uniform u1, struct uniform u2)
 {
     if (sampler == FACET_SAMPLER_NDF) return any_normal(ndf, u1, u2);
-#if !REAL_IS_FLOAT
     if (sampler == FACET_SAMPLER_SLOPE) return beckmann_sample(o, u1, u2);
-#endif
     return cap_sample(o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
 }
 
@@ -63,9 +61,7 @@ DRAW_LOOP(CAPS, GGX)
 DRAW_LOOP(BOUNDED, GGX)
 DRAW_LOOP(NDF, GGX)
 DRAW_LOOP(NDF, BECKMANN)
-#if !REAL_IS_FLOAT
 DRAW_LOOP(SLOPE, BECKMANN)
-#endif
 
 /* Whatever the surface. */
 static void draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job, size_t n)
@@ -172,9 +168,7 @@ const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA
         [FACET_GGX] = { [FACET_SAMPLER_CAPS] = draw_CAPS_GGX, [FACET_SAMPLER_BOUNDED] = draw_BOUNDED_GGX,
                         [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE },
         [FACET_BECKMANN] = { [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN, [FACET_SAMPLER_COSINE] = draw_COSINE,
-#if !REAL_IS_FLOAT
                              [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN,
-#endif
         },
     },
 #define PDF_LOOP(sampler, function, ndf) .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,
