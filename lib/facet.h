@@ -201,7 +201,7 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
     X(AUTO, "auto")       /* the best there is for the material */              \
     X(CAPS, "caps")       /* visible normals by spherical caps; GGX */          \
     X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */ \
-    X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes; Beckmann */ \
+    X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */        \
     X(NDF, "ndf")         /* all normals, seen or not */                        \
     X(COSINE, "cosine")   /* wi by its cosine, whatever the material */
 
@@ -322,8 +322,8 @@ typedef struct facet_samples {
  *            Tokuyoshi 2023), by the principal axes of the ellipse; isotropic
  *            alpha > 1 by their tighter form.  That is CAPS where the mean slope is
  *            not 0 or wo is below the horizon.
- *   SLOPE    visible normals of Beckmann: monotone inversion of the slope CDF along
- *            wo, a Gaussian across (Heitz & d'Eon 2014).
+ *   SLOPE    visible normals: monotone inversion of the slope CDF along wo, then
+ *            across, for GGX in closed form but for one angle (Heitz & d'Eon 2014).
  *   NDF      normals by D h_z (Walter et al. 2007); many are not seen, weights have
  *            no bound.
  *   COSINE   wi with density cos theta_i / pi, for what is nearly diffuse; h is the

@@ -25,7 +25,6 @@ bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
     switch (sampler) {
     case FACET_SAMPLER_CAPS:
     case FACET_SAMPLER_BOUNDED: return ndf == FACET_GGX;
-    case FACET_SAMPLER_SLOPE: return ndf == FACET_BECKMANN;
     default: return (unsigned)sampler < FACET_SAMPLER_COUNT;
     }
 }

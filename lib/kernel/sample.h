@@ -218,7 +218,7 @@ INLINE struct guess guess_of(struct uniform u)
 {
     real lower = minus_log(u.rest, u.u), upper = minus_log(u.u, u.rest); /* -log u, -log(1 - u) */
     real half = R(0.5) * (R(-1.3862943611) + lower + upper), part = R(4.3307) - half; /* 2/(pi 0.147) + log(1 - x^2)/2 */
-    real root_ = root_from_zero(real_max(madd(part, part, R(13.6054) * half) , splat(0)));
+    real root_ = root_from_zero(real_max(madd(part, part, R(13.6054) * half), splat(0)));
     real size = root_from_zero(real_max(root_ - part, splat(0)));
     return (struct guess){ select(less(u.u, u.rest), -size, size), -root_from_zero(lower) };
 }
@@ -259,6 +259,61 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
     real exponent = select(view.back, behind, madd(y, y, x * x));
     return (struct normal){ .x = nmadd(x, ca, y * cb), .y = -madd(x, cb, y * ca), .z = splat(1), .mm = splat(1),
                             .density = exp_minus(exponent) * R(ONE_OVER_PI) };
+}
+
+/* ---- GGX: slopes --------------------------------------------------------------------------- */
+
+/* d - sin d cos d, without the difference where it has too few digits left. */
+INLINE real segment(real d, struct sin_cos at)
+{
+    static const double terms[] = { 4.0 / 1856156927625, -2.0 / 10854718875, 8.0 / 638512875, -4.0 / 6081075,
+                                    4.0 / 155925, -2.0 / 2835, 4.0 / 315, -2.0 / 15, 2.0 / 3 };
+    real d2 = d * d, sum = splat(R(terms[0]));
+    for (int k = 1; k < 9; k++) sum = madd(sum, d2, splat(R(terms[k])));
+    return select(less(d2, splat(R(0.25))), sum * d2 * d, nmadd(at.sin, at.cos, d));
+}
+
+/* d with d - sin d cos d = pi w, w in [0, 1/2], by Newton from d^3 = 3/2 pi w. */
+INLINE real across_angle(real w)
+{
+    enum { STEPS = REAL_IS_FLOAT ? 4 : 6 };
+    /* A third of the exponent is a cube root to 5 % (Kahan). */
+    const lane_bits third = REAL_IS_FLOAT ? (lane_bits)0x2a5119f2 : (lane_bits)((int64_t)0x2a9f7893 << 32);
+    real cube = real_max(w * R(1.5 / ONE_OVER_PI), splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280)));
+    real d = (real)(__builtin_convertvector(__builtin_convertvector((bits)cube, real) * R(1.0 / 3), bits) + third);
+    for (int k = 0; k < 2; k++) d = R(1.0 / 3) * (2 * d + cube / (d * d));
+    for (int k = 0; k < STEPS; k++) {
+        struct sin_cos at = sin_cos_turns(d * R(0.5 * ONE_OVER_PI));
+        d -= (segment(d, at) - w * R(1 / ONE_OVER_PI)) / (2 * at.sin * at.sin);
+    }
+    return d;
+}
+
+/*
+ * Heitz & d'Eon 2014 for GGX with the quantiles exact.  Along wo the slope is tan b, b = A -
+ * theta_o, sin A = u1 (1 + k'_z) - k'_z; across it is tan t / cos b, t + sin t cos t = pi (u2 -
+ * 1/2): m = (sin b cos t, sin t, cos b cos t), no slope formed.
+ */
+INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct uniform u2)
+{
+    real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
+    real c = o.c * inverse, side = root_from_zero(o.s2), s = side * inverse, zero = splat(0);
+    real large = r + real_abs(o.c), more = large * inverse, least = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
+    mask behind = less(o.c, zero);
+    real up = select(behind, least, more), down = select(behind, more, least), part = u1.u * up;
+    real sin_a = part - c, cos_a = root_from_zero(u1.rest * up * (part + down));
+    /* cos b by its conjugate where it is a difference. */
+    real plain = madd(cos_a, c, sin_a * s), under = nmadd(sin_a, s, cos_a * c);
+    real conjugate = (c - sin_a) * part / select(less(real_abs(under), splat(REAL_MIN)), splat(1), under);
+    mask direct = (mask)((mask)~behind & less(zero, sin_a));
+    real cos_b = select(direct, plain, conjugate), sin_b = nmadd(cos_a, s, sin_a * c);
+    struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest)) * R(0.5 * ONE_OVER_PI));
+    real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos), z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
+    mask pole = less(o.s2, splat(REAL_MIN));
+    real ca = select(pole, splat(1), o.a / real_max(side, splat(REAL_MIN)));
+    real cb = select(pole, zero, o.b / real_max(side, splat(REAL_MIN)));
+    real mx = nmadd(x, ca, y * cb), my = -madd(x, cb, y * ca);
+    return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)) };
 }
 
 /* ---- reflection --------------------------------------------------------------------------- */

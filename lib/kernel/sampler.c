@@ -27,7 +27,7 @@ INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf,
                                  struct share share, struct uniform u1, struct uniform u2)
 {
     if (sampler == FACET_SAMPLER_NDF) return any_normal(ndf, u1, u2);
-    if (sampler == FACET_SAMPLER_SLOPE) return beckmann_sample(o, u1, u2);
+    if (sampler == FACET_SAMPLER_SLOPE) return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
     return cap_sample(o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
 }
 
@@ -61,6 +61,7 @@ DRAW_LOOP(CAPS, GGX)
 DRAW_LOOP(BOUNDED, GGX)
 DRAW_LOOP(NDF, GGX)
 DRAW_LOOP(NDF, BECKMANN)
+DRAW_LOOP(SLOPE, GGX)
 DRAW_LOOP(SLOPE, BECKMANN)
 
 /* Whatever the surface. */
@@ -166,7 +167,7 @@ extern const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FA
 const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA) = {
     .draw = {
         [FACET_GGX] = { [FACET_SAMPLER_CAPS] = draw_CAPS_GGX, [FACET_SAMPLER_BOUNDED] = draw_BOUNDED_GGX,
-                        [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE },
+                        [FACET_SAMPLER_SLOPE] = draw_SLOPE_GGX, [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE },
         [FACET_BECKMANN] = { [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN, [FACET_SAMPLER_COSINE] = draw_COSINE,
                              [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN,
         },

@@ -28,9 +28,10 @@ static const struct {
 enum { MODELS = sizeof models / sizeof *models };
 
 /* The reference of a sampler; false: visible normals, reference_sample. */
-static bool method_of(facet_sampler sampler, enum reference_method *method)
+static bool method_of(facet_sampler sampler, facet_ndf ndf, enum reference_method *method)
 {
     switch (sampler) {
+    case FACET_SAMPLER_SLOPE: *method = REFERENCE_SLOPE_GGX; return ndf == FACET_GGX;
     case FACET_SAMPLER_BOUNDED: *method = REFERENCE_BOUNDED; return true;
     case FACET_SAMPLER_NDF: *method = REFERENCE_NDF; return true;
     case FACET_SAMPLER_COSINE: *method = REFERENCE_COSINE; return true;
@@ -42,7 +43,7 @@ static void exact_sample(facet_sampler sampler, const facet_material *m, const d
                          double u2, struct reference_sample *x)
 {
     enum reference_method method;
-    if (method_of(sampler, &method))
+    if (method_of(sampler, m->ndf, &method))
         reference_sample_by(method, m, wo, u1, u2, x);
     else
         reference_sample(m, wo, u1, u2, x);
@@ -53,7 +54,7 @@ static quad exact_pdf(facet_sampler sampler, const facet_material *m, const quad
 {
     enum reference_method method;
     struct reference all;
-    if (method_of(sampler, &method)) return reference_pdf_by(method, m, wi, wo, H);
+    if (method_of(sampler, m->ndf, &method)) return reference_pdf_by(method, m, wi, wo, H);
     reference_eval_exact(m, wi, wo, H, &all);
     return all.of[FACET_PDF][0];
 }
@@ -151,7 +152,7 @@ static struct miss sample_moves(facet_sampler sampler, const facet_material *m, 
 {
     struct miss most = {0, 0, 0};
     bool around = sampler == FACET_SAMPLER_NDF || sampler == FACET_SAMPLER_COSINE;
-    int turns = around ? 2 : m->ndf == FACET_GGX ? 1 : 0; /* which u is an azimuth */
+    int turns = around ? 2 : m->ndf == FACET_GGX && sampler != FACET_SAMPLER_SLOPE ? 1 : 0; /* which u is an azimuth */
     for (int axis = 0; axis < 10; axis++) {
         double o[3] = {wo[0], wo[1], wo[2]}, by = axis & 1 ? -step : step, v1 = u1, v2 = u2;
         if (axis < 6)
@@ -290,8 +291,9 @@ TEST(samples_everywhere)
 
 TEST(samples_by_name)
 {
-    static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_NDF, FACET_SAMPLER_COSINE};
-    for (int k = 0; k < 3; k++) {
+    static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_SLOPE, FACET_SAMPLER_NDF,
+                                             FACET_SAMPLER_COSINE};
+    for (int k = 0; k < 4; k++) {
         walk_all(&draw_ordinary, samplers[k], 20, 53);
         walk_all(&draw_everywhere, samplers[k], 20, 54);
     }

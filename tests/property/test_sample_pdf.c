@@ -254,6 +254,12 @@ TEST(bounded_samples_follow_their_pdf)
     chi_squared(FACET_FAST, FACET_SAMPLER_BOUNDED, draw_count(20));
 }
 
+TEST(slope_samples_follow_the_pdf)
+{
+    chi_squared(FACET_PRECISE, FACET_SAMPLER_SLOPE, draw_count(10));
+    chi_squared(FACET_FAST, FACET_SAMPLER_SLOPE, draw_count(20));
+}
+
 TEST(samples_of_all_normals_follow_their_pdf)
 {
     chi_squared(FACET_PRECISE, FACET_SAMPLER_NDF, draw_count(20));
