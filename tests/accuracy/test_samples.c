@@ -294,8 +294,8 @@ TEST(samples_by_name)
     static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_SLOPE, FACET_SAMPLER_NDF,
                                              FACET_SAMPLER_COSINE};
     for (int k = 0; k < 4; k++) {
-        walk_all(&draw_ordinary, samplers[k], 20, 53);
-        walk_all(&draw_everywhere, samplers[k], 20, 54);
+        walk_all(&draw_ordinary, samplers[k], 6, 53);
+        walk_all(&draw_everywhere, samplers[k], 6, 54);
     }
 }
 
