@@ -198,7 +198,7 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
 
 /* How directions are sampled: see facet_sample. */
 #define FACET_SAMPLER_MAP(X)                                                    \
-    X(AUTO, "auto")       /* the best there is for the material */              \
+    X(AUTO, "auto")       /* CAPS for GGX, SLOPE for Beckmann: FACET_PDF is theirs */ \
     X(CAPS, "caps")       /* visible normals by spherical caps; GGX */          \
     X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */ \
     X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */        \
