@@ -41,7 +41,7 @@ ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
 KFLAGS := -O1 -ffp-contract=off -fno-math-errno
 ISAS   := $(filter-out avx512,$(ISAS))
 endif
-KERNELS := $(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(B)/lib/kernel/$f-$i.o))
+KERNELS := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(B)/lib/kernel/$k-$f-$i.o)))
 
 # ---- layers: what each may include and link -------------------------------------
 obj     = $(patsubst %.c,$(B)/%.o,$(wildcard $1/*.c))
@@ -80,11 +80,11 @@ $(B)/%.a:
 	ar rcs $@ $^
 
 define kernel
-$(B)/lib/kernel/$1-$2-$3.o: lib/kernel/kernel.c Makefile
+$(B)/lib/kernel/$4-$1-$2-$3.o: lib/kernel/$4.c Makefile
 	@mkdir -p $$(@D)
 	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$3) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_IO=$2 -DFACET_IO_$2=1 -DFACET_ISA=$3 -MMD -MP -c -o $$@ $$<
 endef
-$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i))))
+$(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i,$k)))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'
 
 $(B)/%.o: %.c Makefile

@@ -11,12 +11,12 @@ double api_surface_error(const struct surface *surface)
     return surface->has_diffuse ? 4 * DBL_EPSILON : 0;
 }
 
-double api_surface_sample_error(const struct surface *surface, facet_tier tier)
+double api_surface_sample_error(const struct surface *surface, facet_tier tier, facet_sampler sampler)
 {
     double pdf;
     if (!surface->has_diffuse) return 0;
     /* components of a cosine sample are right to 4 roundings, which the specular density sees */
-    if (!facet_bound(surface->brdf, tier, FACET_PDF, 16 * DBL_EPSILON, &pdf)) return INFINITY;
+    if (!facet_pdf_bound(surface->brdf, tier, sampler, 16 * DBL_EPSILON, &pdf)) return INFINITY;
     return 2 * pdf + 64 * DBL_EPSILON;
 }
 
@@ -66,10 +66,15 @@ static void mix_pdf(const struct surface *surface, facet_vec3_in wi, size_t n, d
         pdf[i] = (1 - share) * pdf[i] + share / PI * fmax(wi.z[i], 0);
 }
 
-facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_vec3_in wi,
-                              facet_vec3_in wo, size_t n, const facet_outputs *outputs)
+facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_sampler sampler,
+                              facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                              const facet_outputs *outputs)
 {
-    facet_status status = facet_eval(surface->brdf, tier, wi, wo, n, outputs);
+    facet_outputs evaluated = *outputs;
+    double *pdf = sampler == FACET_SAMPLER_AUTO ? NULL : outputs->of[FACET_PDF][0];
+    if (pdf) evaluated.of[FACET_PDF][0] = NULL;
+    facet_status status = facet_eval(surface->brdf, tier, wi, wo, n, &evaluated);
+    if (status == FACET_OK && pdf) status = facet_pdf(surface->brdf, tier, sampler, wi, wo, n, pdf);
     if (status != FACET_OK || !surface->has_diffuse) return status;
     if (outputs->of[FACET_FR][0]) add_lambert(surface, wi, wo, n, false, outputs->of[FACET_FR]);
     if (outputs->of[FACET_FR_COS][0])
@@ -94,8 +99,8 @@ static void cosine(const facet_samples *out, facet_vec3_in wo, size_t i, double 
 }
 
 /* Density of the mixture and weight of the samples of one block. */
-static facet_status weigh(const struct surface *surface, facet_tier tier, facet_vec3_in wo,
-                          size_t start, size_t n, const facet_samples *out)
+static facet_status weigh(const struct surface *surface, facet_tier tier, facet_sampler sampler,
+                          facet_vec3_in wo, size_t start, size_t n, const facet_samples *out)
 {
     double pdf[BLOCK];
     facet_outputs outputs = {0};
@@ -104,7 +109,7 @@ static facet_status weigh(const struct surface *surface, facet_tier tier, facet_
     outputs.of[FACET_PDF][0] = pdf;
     for (size_t c = 0; c < surface->channels && out->weight[0]; c++)
         outputs.of[FACET_FR_COS][c] = out->weight[c] + start;
-    facet_status status = api_surface_eval(surface, tier, wi, from, n, &outputs);
+    facet_status status = api_surface_eval(surface, tier, sampler, wi, from, n, &outputs);
     for (size_t c = 0; c < surface->channels && out->weight[0]; c++)
         for (size_t i = 0; i < n; i++) {
             double *weight = &out->weight[c][start + i];
@@ -114,11 +119,11 @@ static facet_status weigh(const struct surface *surface, facet_tier tier, facet_
     return status;
 }
 
-facet_status api_surface_sample(const struct surface *surface, facet_tier tier, facet_vec3_in wo,
-                                double *u1, const double *u2, size_t n, const facet_samples *out)
+facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
+                                facet_sampler sampler, facet_vec3_in wo, double *u1, const double *u2, size_t n, const facet_samples *out)
 {
     if (!surface->has_diffuse)
-        return facet_sample(surface->brdf, tier, wo, u1, u2, n, out);
+        return facet_sample(surface->brdf, tier, sampler, wo, u1, u2, n, out);
     double share = api_diffuse_share(surface);
     facet_samples specular = {.wi = out->wi, .h = out->h};
     for (size_t start = 0; start < n; start += BLOCK) {
@@ -135,11 +140,11 @@ facet_status api_surface_sample(const struct surface *surface, facet_tier tier, 
         if (out->h.x)
             specular.h = (facet_vec3_out){out->h.x + start, out->h.y + start, out->h.z + start};
         facet_status status =
-            facet_sample(surface->brdf, tier, from, u1 + start, u2 + start, size, &specular);
+            facet_sample(surface->brdf, tier, sampler, from, u1 + start, u2 + start, size, &specular);
         if (status != FACET_OK) return status;
         for (size_t i = 0; i < size; i++)
             if (is_cosine[i]) cosine(out, wo, start + i, u1[start + i], u2[start + i]);
-        status = weigh(surface, tier, wo, start, size, out);
+        status = weigh(surface, tier, sampler, wo, start, size, out);
         if (status != FACET_OK) return status;
     }
     return FACET_OK;

@@ -10,17 +10,18 @@
 
 #include "material.h"
 
-/* facet_eval of a surface, diffuse part included: fr, fr_cos and pdf. */
-facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_vec3_in wi,
-                              facet_vec3_in wo, size_t n, const facet_outputs *outputs);
+/* facet_eval of a surface, diffuse part included: fr, fr_cos, and the pdf of that specular sampler. */
+facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_sampler sampler,
+                              facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                              const facet_outputs *outputs);
 /* facet_sample of a surface; u1 is used up: overwritten. */
-facet_status api_surface_sample(const struct surface *surface, facet_tier tier, facet_vec3_in wo,
-                                double *u1, const double *u2, size_t n,
+facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
+                                facet_sampler sampler, facet_vec3_in wo, double *u1, const double *u2, size_t n,
                                 const facet_samples *samples);
 
 /* What the diffuse part adds to the bound of an evaluation, and of a sample. */
 double api_surface_error(const struct surface *surface);
-double api_surface_sample_error(const struct surface *surface, facet_tier tier);
+double api_surface_sample_error(const struct surface *surface, facet_tier tier, facet_sampler sampler);
 
 /* The albedo of one channel from that of its specular part. */
 double api_diffuse_albedo(const struct surface *surface, size_t channel, double specular);

@@ -9,7 +9,7 @@
 struct model {
     const char *ndf;
     const char *sampler; /* NULL: cannot be sampled */
-    uint32_t masking, shear;
+    uint32_t samplers, masking, shear;
 };
 
 struct promise_of_quantity {
@@ -46,7 +46,9 @@ static const char *const quantity_names[] = {
 
 static const struct field model_fields[] = {
     {F(model, ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes"},
-    {F(model, sampler), FIELD_TEXT, .doc = "how its visible normals are sampled, if they can be"},
+    {F(model, sampler), FIELD_TEXT, .doc = "how it is sampled unless asked otherwise, if it can be"},
+    {F(model, samplers), FIELD_SET, .names = api_sampler_names,
+     .doc = "all the ways it can be sampled, if it can be"},
     {F(model, masking), FIELD_SET, FIELD_MUST, .names = api_masking_names, .doc = "maskings"},
     {F(model, shear), FIELD_SET, FIELD_MUST, .names = api_shear_names, .doc = "forms of shear"},
     {0},
@@ -113,11 +115,13 @@ static bool list_models(struct call *call, struct list *out)
 {
     struct model *models = api_arena_array(call->arena, FACET_NDF_COUNT, sizeof *models);
     if (!models) return api_problem_memory(call->problem);
-    for (int i = 0; i < FACET_NDF_COUNT; i++)
-        models[i] = (struct model){
-            api_ndf_names[i],
-            i == FACET_TABULATED ? NULL : api_sampler(SAMPLER_AUTO, (facet_ndf)i, call->problem),
-            all_of(api_masking_names), all_of(api_shear_names)};
+    for (int i = 0; i < FACET_NDF_COUNT; i++) {
+        facet_sampler best = facet_sampler_auto((facet_ndf)i);
+        models[i] = (struct model){api_ndf_names[i],
+                                   best == FACET_SAMPLER_AUTO ? NULL : api_sampler_names[best],
+                                   api_samplers((facet_ndf)i), all_of(api_masking_names),
+                                   all_of(api_shear_names)};
+    }
     *out = (struct list){FACET_NDF_COUNT, models};
     return true;
 }

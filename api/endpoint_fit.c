@@ -68,7 +68,7 @@ static facet_status evaluate_surface(const void *user, facet_vec3_in wi, facet_v
     const struct surface *surface = user;
     facet_outputs outputs = {{{NULL}}};
     for (size_t c = 0; c < surface->channels; c++) outputs.of[FACET_FR][c] = fr[c];
-    facet_status status = api_surface_eval(surface, FACET_PRECISE, wi, wo, n, &outputs);
+    facet_status status = api_surface_eval(surface, FACET_PRECISE, FACET_SAMPLER_AUTO, wi, wo, n, &outputs);
     for (size_t c = surface->channels; c < 3; c++) memcpy(fr[c], fr[0], n * sizeof *fr[c]);
     memset(valid, true, n);
     return status;

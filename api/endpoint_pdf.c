@@ -48,8 +48,11 @@ static bool handle(struct call *call)
         .channels = -1,
         .dtype = in->dtype,
     };
-    out->sampler = api_sampler(in->sampler, (facet_ndf)in->material.ndf, call->problem);
-    if (!out->sampler || !api_evaluate(call, &evaluation)) return false;
+    facet_ndf ndf = (facet_ndf)in->material.ndf;
+    if (!api_sampler(in->sampler, ndf, call->problem, &evaluation.sampler) ||
+        !api_evaluate(call, &evaluation))
+        return false;
+    out->sampler = api_sampler_names[evaluation.sampler];
     out->pdf = evaluation.of[FACET_PDF];
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;

@@ -1,4 +1,4 @@
-/* POST /v1/sample: directions wi drawn from the visible normals of wo. */
+/* POST /v1/sample: directions wi drawn for wo. */
 #include "diffuse.h"
 #include "endpoint.h"
 #include "evaluate.h"
@@ -85,6 +85,7 @@ struct job {
     double *from[3], *u[2], *wi[3], *h[3], *weight[3], *pdf;
     struct results results[OUTPUT_COUNT];
     struct representation representation;
+    facet_sampler sampler;
     size_t channels, wasted;
 };
 
@@ -96,8 +97,8 @@ static bool asked(const struct job *job, int output)
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
-    if (!facet_sample_bound(job->surface.brdf, tier, job->input_error, bound)) return false;
-    *bound += job->surface.parameter_error + api_surface_sample_error(&job->surface, tier);
+    if (!facet_sample_bound(job->surface.brdf, tier, job->sampler, job->input_error, bound)) return false;
+    *bound += job->surface.parameter_error + api_surface_sample_error(&job->surface, tier, job->sampler);
     *bound = api_represented(&job->representation, *bound);
     return true;
 }
@@ -213,7 +214,7 @@ static bool compute(struct call *call, struct job *job)
         double start = api_clock();
         api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
-        facet_status status = api_surface_sample(&job->surface, job->promise.tier, from,
+        facet_status status = api_surface_sample(&job->surface, job->promise.tier, job->sampler, from,
                                                  job->u[0], job->u[1], n, &samples);
         if (status) return api_problem_status(call->problem, status, NULL);
         for (size_t k = 0; k < n; k++) job->wasted += !(job->wi[2][k] > 0);
@@ -288,8 +289,10 @@ static bool handle(struct call *call)
     struct job *job = api_arena_array(call->arena, 1, sizeof *job);
     if (!job) return api_problem_memory(call->problem);
     job->in = call->in;
-    out->sampler = api_sampler(job->in->sampler, (facet_ndf)job->in->material.ndf, call->problem);
-    if (!out->sampler || !prepare(call, job)) return false;
+    facet_ndf ndf = (facet_ndf)job->in->material.ndf;
+    if (!api_sampler(job->in->sampler, ndf, call->problem, &job->sampler) || !prepare(call, job))
+        return false;
+    out->sampler = api_sampler_names[job->sampler];
     call->response->trace.decode_us += api_clock() - start;
     call->response->trace.tier = api_tier_names[job->promise.tier];
     if (!compute(call, job)) return false;

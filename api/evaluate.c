@@ -86,8 +86,11 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         double b;
         if (!asked(job->evaluation, q)) continue;
-        if (!facet_bound(job->surface.brdf, tier, (facet_quantity)q, job->input_error, &b))
-            return false;
+        bool promised = q == FACET_PDF ? facet_pdf_bound(job->surface.brdf, tier, job->evaluation->sampler,
+                                                         job->input_error, &b)
+                                       : facet_bound(job->surface.brdf, tier, (facet_quantity)q,
+                                                     job->input_error, &b);
+        if (!promised) return false;
         b += job->surface.parameter_error + api_surface_error(&job->surface);
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
         if (b > *bound) *bound = b;
@@ -165,7 +168,7 @@ static void run_slot(void *round_, size_t index)
         for (int c = 0; c < 3 && round->outputs >> q & 1; c++) outputs.of[q][c] = slot->outputs.of[q][c];
     double start = api_clock();
     api_pairs_fill(&job->pairs, slot->at, slot->n, slot->directions);
-    slot->status = api_surface_eval(&job->surface, job->promise.tier, in(slot->directions),
+    slot->status = api_surface_eval(&job->surface, job->promise.tier, job->evaluation->sampler, in(slot->directions),
                                     in(slot->directions + 3), slot->n, &outputs);
     double computed = api_clock();
     for (int q = 0; q < FACET_QUANTITY_COUNT && !slot->status; q++) {

@@ -2,18 +2,34 @@
 
 #include "material.h"
 
-const char *const api_sampler_names[] = {"auto", "caps", "slope", NULL};
+#include <stdio.h>
 
-const char *api_sampler(int sampler, facet_ndf ndf, struct problem *problem)
+const char *const api_sampler_names[] = {
+#define NAME(id, name) name,
+    FACET_SAMPLER_MAP(NAME)
+#undef NAME
+    NULL,
+};
+
+uint32_t api_samplers(facet_ndf ndf)
 {
-    static const int of_ndf[FACET_NDF_COUNT] = {[FACET_GGX] = SAMPLER_CAPS,
-                                                [FACET_BECKMANN] = SAMPLER_SLOPE,
-                                                [FACET_TABULATED] = SAMPLER_AUTO};
+    uint32_t set = 0;
+    for (int i = FACET_SAMPLER_AUTO + 1; i < FACET_SAMPLER_COUNT; i++)
+        if (facet_sampler_serves((facet_sampler)i, ndf)) set |= UINT32_C(1) << i;
+    return set;
+}
+
+bool api_sampler(int sampler, facet_ndf ndf, struct problem *problem, facet_sampler *method)
+{
     struct place at = {NULL, "sampler", 0};
-    int own = of_ndf[ndf];
-    if (sampler == SAMPLER_AUTO || sampler == own) return api_sampler_names[own];
-    api_problem_at(problem, &at, "\"%s\" does not sample %s, which has: auto%s%s",
-                   api_sampler_names[sampler], api_ndf_names[ndf], own ? ", " : "",
-                   own ? api_sampler_names[own] : "");
-    return NULL;
+    *method = (facet_sampler)sampler;
+    if (sampler == FACET_SAMPLER_AUTO) *method = facet_sampler_auto(ndf);
+    if (sampler == FACET_SAMPLER_AUTO || facet_sampler_serves(*method, ndf)) return true;
+    char list[128];
+    size_t used = (size_t)snprintf(list, sizeof list, "auto");
+    for (int i = 0; i < FACET_SAMPLER_COUNT; i++)
+        if (api_samplers(ndf) >> i & 1)
+            used += (size_t)snprintf(list + used, sizeof list - used, ", %s", api_sampler_names[i]);
+    return api_problem_at(problem, &at, "\"%s\" does not sample %s, which has: %s",
+                          api_sampler_names[sampler], api_ndf_names[ndf], list);
 }

@@ -27,9 +27,16 @@ void facet_array_put(struct array array, size_t index, double value);
 struct batch {
     const facet_brdf *brdf;
     facet_tier tier;
+    facet_sampler sampler; /* whose density PDF and WEIGHT are; AUTO: that of visible normals */
     struct array wi[3], wo[3];
     struct array out[KERNEL_QUANTITY_COUNT][3];
 };
+
+/*
+ * The sampler a batch is to have: AUTO for one that draws visible normals with
+ * their plain density.  UNSUPPORTED where it does not serve the material.
+ */
+facet_status facet_batch_sampler(const facet_brdf *brdf, facet_sampler sampler, facet_sampler *density);
 
 /* Evaluates n elements (eval.c). */
 void facet_batch_run(const struct batch *batch, size_t n);

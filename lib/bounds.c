@@ -2,7 +2,7 @@
  * bounds.c - the error promised for a material: accuracy.def, and what shear,
  * correlation, Fresnel constants and computed directions add to it.
  */
-#include "brdf.h"
+#include "batch.h"
 
 #include <math.h>
 
@@ -12,11 +12,11 @@ static double base_bound(facet_tier tier, facet_ndf ndf, facet_quantity quantity
 #define PROMISE(t, n, q, bound)                                                 \
     if (tier == FACET_##t && ndf == FACET_##n && quantity == FACET_##q) return bound;
 #define FRESNEL(t, kind, own, added)
-#define SAMPLE(t, n, added)
+#define SAMPLER(t, n, pdf, added)
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
-#undef SAMPLE
+#undef SAMPLER
 #undef ALL_QUANTITIES
     return NAN;
 }
@@ -24,27 +24,27 @@ static double base_bound(facet_tier tier, facet_ndf ndf, facet_quantity quantity
 static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind, bool alone)
 {
 #define PROMISE(t, n, q, bound)
-#define SAMPLE(t, n, added)
+#define SAMPLER(t, n, pdf, added)
 #define FRESNEL(t, k, own, added)                                               \
     if (tier == FACET_##t && kind == FACET_FRESNEL_##k) return alone ? own : added;
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
-#undef SAMPLE
+#undef SAMPLER
 #undef ALL_QUANTITIES
     return NAN;
 }
 
-static double base_sample_bound(facet_tier tier, facet_ndf ndf)
+static double base_sampler_bound(facet_tier tier, facet_sampler sampler, bool density)
 {
 #define PROMISE(t, n, q, bound)
 #define FRESNEL(t, k, own, added)
-#define SAMPLE(t, n, added)                                                     \
-    if (tier == FACET_##t && ndf == FACET_##n) return added;
+#define SAMPLER(t, s, pdf, added)                                               \
+    if (tier == FACET_##t && sampler == FACET_SAMPLER_##s) return density ? pdf : added;
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
-#undef SAMPLE
+#undef SAMPLER
     return NAN;
 }
 
@@ -217,27 +217,54 @@ bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quan
     return true;
 }
 
+/* Of the roots and quotients of a tier. */
+static double arithmetic_of(facet_tier tier)
+{
+    static const double rounding[FACET_TIER_COUNT] = { 0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53 };
+    return rounding[tier];
+}
+
 /*
- * A cap's normal is right to rounding of its own length 1; the affine map may
+ * A normal is right to rounding of the length 1 of a cap; the affine map may
  * stretch that by alpha_1 (1 + lean) where the rest of the normal shrinks by alpha_2.
  */
 static double caps_stretch(const facet_brdf *b, facet_tier tier)
 {
     if (b->material.ndf != FACET_GGX || b->shape == KERNEL_ISO) return 0;
     facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
-    static const double rounding[FACET_TIER_COUNT] = { 0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53 }; /* of roots and quotients */
     double lean = fabs(b->surface.slope_x) + fabs(b->surface.slope_y);
-    return 8 * rounding[tier] * (e.alpha_1 + lean) / e.alpha_2;
+    return 8 * arithmetic_of(tier) * (e.alpha_1 + lean) / e.alpha_2;
 }
 
-bool facet_sample_bound(const facet_brdf *b, facet_tier tier, double input_error, double *bound)
+/* The tighter bound of isotropic alpha > 1 takes 1 + K c / r down to 2 / (1 + alpha^2). */
+static double cap_bound_condition(const facet_brdf *b, facet_tier tier)
+{
+    bool tight = b->surface.cap_side < 0;
+    return tight ? 4 * arithmetic_of(tier) * b->surface.cap_a2 : 0;
+}
+
+bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
+{
+    facet_sampler density;
+    *bound = INFINITY;
+    if (facet_batch_sampler(b, sampler, &density)) return false;
+    if (density == FACET_SAMPLER_AUTO) return facet_bound(b, tier, FACET_PDF, input_error, bound);
+    if (!facet_bound(b, tier, density == FACET_SAMPLER_BOUNDED ? FACET_PDF : FACET_D, input_error, bound)) return false;
+    double condition = density == FACET_SAMPLER_BOUNDED ? cap_bound_condition(b, tier) : 0;
+    if (density == FACET_SAMPLER_COSINE) *bound = input_error;
+    *bound += base_sampler_bound(tier, density, true) + condition + 4 * input_error;
+    return true;
+}
+
+bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
 {
     *bound = INFINITY;
     double pdf, weight;
-    if (b->material.ndf == FACET_TABULATED) return false;
-    if (!facet_bound(b, tier, FACET_PDF, input_error, &pdf) ||
+    if (!facet_sampler_serves(sampler, b->material.ndf)) return false;
+    if (!facet_pdf_bound(b, tier, sampler, input_error, &pdf) ||
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
-    *bound = base_sample_bound(tier, b->material.ndf) + 8 * fmax(pdf, weight) + caps_stretch(b, tier);
+    facet_sampler method = sampler == FACET_SAMPLER_AUTO ? facet_sampler_auto(b->material.ndf) : sampler;
+    *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) + caps_stretch(b, tier);
     return true;
 }

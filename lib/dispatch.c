@@ -8,30 +8,31 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#define ISA(name)                                                               \
-    extern const struct facet_kernels facet_kernels_draft_float_##name;         \
-    extern const struct facet_kernels facet_kernels_draft_double_##name;        \
-    extern const struct facet_kernels facet_kernels_fast_float_##name;          \
-    extern const struct facet_kernels facet_kernels_fast_double_##name;         \
-    extern const struct facet_kernels facet_kernels_exact32_float_##name;       \
-    extern const struct facet_kernels facet_kernels_exact32_double_##name;      \
-    extern const struct facet_kernels facet_kernels_precise_double_##name;
+/* FORM(tier, TIER, io, IO): what is compiled for each instruction set. */
+#define FORMS(FORM, isa)                                                        \
+    FORM(draft, DRAFT, float, FLOAT, isa)                                       \
+    FORM(draft, DRAFT, double, DOUBLE, isa)                                     \
+    FORM(fast, FAST, float, FLOAT, isa)                                         \
+    FORM(fast, FAST, double, DOUBLE, isa)                                       \
+    FORM(exact32, EXACT32, float, FLOAT, isa)                                   \
+    FORM(exact32, EXACT32, double, DOUBLE, isa)                                 \
+    FORM(precise, PRECISE, double, DOUBLE, isa)
+
+#define DECLARE(tier, TIER, io, IO, isa)                                        \
+    extern const struct facet_kernels facet_kernels_##tier##_##io##_##isa;      \
+    extern const struct facet_samplers facet_samplers_##tier##_##io##_##isa;
+#define ISA(name) FORMS(DECLARE, name)
 FACET_ISAS
 #undef ISA
 
+#define KERNELS(tier, TIER, io, IO, isa) [FACET_##TIER][KERNEL_##IO] = &facet_kernels_##tier##_##io##_##isa,
+#define SAMPLERS(tier, TIER, io, IO, isa) [FACET_##TIER][KERNEL_##IO] = &facet_samplers_##tier##_##io##_##isa,
 static const struct isa {
     const char *name;
     const struct facet_kernels *kernels[FACET_TIER_COUNT][KERNEL_IO_COUNT];
+    const struct facet_samplers *samplers[FACET_TIER_COUNT][KERNEL_IO_COUNT];
 } isas[] = {
-#define ISA(name)                                                               \
-    { #name, {                                                                  \
-        [FACET_DRAFT] = { [KERNEL_FLOAT] = &facet_kernels_draft_float_##name,   \
-                          [KERNEL_DOUBLE] = &facet_kernels_draft_double_##name }, \
-        [FACET_FAST] = { [KERNEL_FLOAT] = &facet_kernels_fast_float_##name,     \
-                         [KERNEL_DOUBLE] = &facet_kernels_fast_double_##name }, \
-        [FACET_EXACT32] = { [KERNEL_FLOAT] = &facet_kernels_exact32_float_##name, \
-                            [KERNEL_DOUBLE] = &facet_kernels_exact32_double_##name }, \
-        [FACET_PRECISE] = { [KERNEL_DOUBLE] = &facet_kernels_precise_double_##name } } },
+#define ISA(name) { #name, { FORMS(KERNELS, name) }, { FORMS(SAMPLERS, name) } },
     FACET_ISAS
 #undef ISA
 };
@@ -73,6 +74,11 @@ static const struct isa *current_isa(void)
 const struct facet_kernels *facet_kernels_for(facet_tier tier, enum kernel_io io)
 {
     return current_isa()->kernels[tier][io];
+}
+
+const struct facet_samplers *facet_samplers_for(facet_tier tier, enum kernel_io io)
+{
+    return current_isa()->samplers[tier][io];
 }
 
 const char *facet_isa(void)

@@ -9,5 +9,6 @@ enum kernel_io { KERNEL_FLOAT, KERNEL_DOUBLE, KERNEL_IO_COUNT };
 
 /* NULL where the tier has no kernels for that type. */
 const struct facet_kernels *facet_kernels_for(facet_tier tier, enum kernel_io io);
+const struct facet_samplers *facet_samplers_for(facet_tier tier, enum kernel_io io);
 
 #endif

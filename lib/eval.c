@@ -7,9 +7,26 @@
 
 #include <math.h>
 
-static kernel_eval_fn *find_loop(const facet_brdf *b, const struct facet_kernels *kernels,
-                                 enum kernel_quantity quantity)
+/* The loops of one tier for one type of arrays. */
+struct loops {
+    const struct facet_kernels *kernels;
+    const struct facet_samplers *samplers;
+};
+
+static kernel_eval_fn *find_sampler_loop(const struct batch *batch, const struct facet_samplers *samplers,
+                                         enum kernel_quantity quantity)
 {
+    facet_ndf ndf = batch->brdf->material.ndf;
+    if (quantity == KERNEL_PDF) return samplers->pdf[ndf][batch->sampler];
+    return samplers->weight[ndf][batch->sampler][batch->brdf->masking];
+}
+
+static kernel_eval_fn *find_loop(const struct batch *batch, const struct loops *loops, enum kernel_quantity quantity)
+{
+    const facet_brdf *b = batch->brdf;
+    const struct facet_kernels *kernels = loops->kernels;
+    if (batch->sampler != FACET_SAMPLER_AUTO && (quantity == KERNEL_PDF || quantity == KERNEL_WEIGHT))
+        return find_sampler_loop(batch, loops->samplers, quantity);
     if (quantity == KERNEL_FR && b->masking == KERNEL_SMITH && b->channels == 1) {
         kernel_eval_fn *own = kernels->fr_achromatic[b->material.ndf][b->shape][b->material.fresnel.kind];
         if (own) return own;
@@ -43,11 +60,10 @@ static struct kernel_job job_of(const facet_brdf *b)
 static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n);
 
 /* Runs one quantity over n (whole vectors) and says whether there were strays. */
-static bool run(const struct batch *batch, const struct facet_kernels *kernels, const struct kernel_job *job,
-                int quantity, size_t n)
+static bool run(const struct batch *batch, const struct loops *loops, const struct kernel_job *job, int quantity,
+                size_t n)
 {
-    const facet_brdf *b = batch->brdf;
-    return find_loop(b, kernels, (enum kernel_quantity)quantity)(&b->surface, job, n);
+    return find_loop(batch, loops, (enum kernel_quantity)quantity)(&batch->brdf->surface, job, n);
 }
 
 /* fr and pdf in one pass: what a renderer asks for. */
@@ -55,11 +71,12 @@ static kernel_eval_fn *joint_loop(const struct batch *batch, const struct facet_
 {
     const facet_brdf *b = batch->brdf;
     if (!batch->out[KERNEL_FR][0].data || !batch->out[KERNEL_PDF][0].data || b->masking != KERNEL_SMITH) return NULL;
+    if (batch->sampler != FACET_SAMPLER_AUTO) return NULL;
     return kernels->fr_pdf[b->material.ndf][b->shape];
 }
 
 /* A block of whole vectors in the kernels' own type. */
-static void run_in_place(const struct batch *batch, const struct facet_kernels *kernels, size_t start, size_t n)
+static void run_in_place(const struct batch *batch, const struct loops *loops, size_t start, size_t n)
 {
     struct kernel_job job = job_of(batch->brdf);
     for (int j = 0; j < 3; j++) {
@@ -69,19 +86,19 @@ static void run_in_place(const struct batch *batch, const struct facet_kernels *
     for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++)
         for (size_t c = 0; c < columns_of(batch->brdf, q); c++)
             job.out[q][c] = facet_array_at(batch->out[q][c], start).data;
-    kernel_eval_fn *joint = joint_loop(batch, kernels);
+    kernel_eval_fn *joint = joint_loop(batch, loops->kernels);
     if (joint && joint(&batch->brdf->surface, &job, n)) {
         redo_strays(batch, KERNEL_FR, start, n);
         redo_strays(batch, KERNEL_PDF, start, n);
     }
     for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++) {
         if (!batch->out[q][0].data || (joint && (q == KERNEL_FR || q == KERNEL_PDF))) continue;
-        if (run(batch, kernels, &job, q, n)) redo_strays(batch, q, start, n);
+        if (run(batch, loops, &job, q, n)) redo_strays(batch, q, start, n);
     }
 }
 
 /* A block of any length, through arrays of the kernels' type. */
-static void run_staged(const struct batch *batch, const struct facet_kernels *kernels, enum kernel_io io,
+static void run_staged(const struct batch *batch, const struct loops *loops, enum kernel_io io,
                        size_t start, size_t n)
 {
     double in[6][BLOCK], results[3][BLOCK];
@@ -93,7 +110,7 @@ static void run_staged(const struct batch *batch, const struct facet_kernels *ke
     for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++) {
         if (!batch->out[q][0].data) continue;
         for (int c = 0; c < 3; c++) job.out[q][c] = batch->out[q][c].data ? results[c] : NULL;
-        bool strays = run(batch, kernels, &job, q, facet_padded(n));
+        bool strays = run(batch, loops, &job, q, facet_padded(n));
         for (size_t c = 0; c < columns_of(batch->brdf, q); c++)
             facet_unstage(results[c], io, n, facet_array_at(batch->out[q][c], start));
         if (strays) redo_strays(batch, q, start, n);
@@ -110,14 +127,15 @@ void facet_batch_run(const struct batch *batch, size_t n)
 {
     enum kernel_io io;
     facet_tier tier = facet_batch_tier(batch->brdf, batch->tier);
-    const struct facet_kernels *kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io);
+    struct loops loops = { .kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io) };
+    loops.samplers = facet_samplers_for(tier, io);
     for (size_t start = 0; start < n;) {
         size_t size = n - start < BLOCK ? n - start : BLOCK;
         if (io == batch->wi[0].io && size >= KERNEL_LANES) {
             size -= size % KERNEL_LANES;
-            run_in_place(batch, kernels, start, size);
+            run_in_place(batch, &loops, start, size);
         } else {
-            run_staged(batch, kernels, io, start, size);
+            run_staged(batch, &loops, io, start, size);
         }
         start += size;
     }
@@ -151,7 +169,7 @@ static void redo_strays(const struct batch *batch, int quantity, size_t start, s
             in[3 + j][i] = facet_array_get(batch->wo[j], at[i]);
         }
     }
-    struct batch again = { .brdf = batch->brdf, .tier = FACET_PRECISE };
+    struct batch again = { .brdf = batch->brdf, .tier = FACET_PRECISE, .sampler = batch->sampler };
     for (int j = 0; j < 3; j++) {
         again.wi[j] = (struct array){ in[j], KERNEL_DOUBLE };
         again.wo[j] = (struct array){ in[3 + j], KERNEL_DOUBLE };

@@ -196,11 +196,38 @@ bool facet_bound(const facet_brdf *brdf, facet_tier tier, facet_quantity quantit
 bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity,
                        double input_error, double *bound);
 
+/* How directions are sampled: see facet_sample. */
+#define FACET_SAMPLER_MAP(X)                                                    \
+    X(AUTO, "auto")       /* CAPS for GGX, SLOPE for Beckmann: FACET_PDF is theirs */ \
+    X(CAPS, "caps")       /* visible normals by spherical caps; GGX */          \
+    X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */ \
+    X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */        \
+    X(NDF, "ndf")         /* all normals, seen or not */                        \
+    X(COSINE, "cosine")   /* wi by its cosine, whatever the material */
+
+typedef enum facet_sampler {
+#define FACET_SAMPLER_ENUM(id, name) FACET_SAMPLER_##id,
+    FACET_SAMPLER_MAP(FACET_SAMPLER_ENUM)
+#undef FACET_SAMPLER_ENUM
+        FACET_SAMPLER_COUNT
+} facet_sampler;
+
+const char *facet_sampler_name(facet_sampler sampler);
+/* Whether this distribution can be sampled so; AUTO: whether it can be sampled at all. */
+bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf);
+/* What AUTO stands for; AUTO itself where there is nothing. */
+facet_sampler facet_sampler_auto(facet_ndf ndf);
+
 /*
  * The same for facet_sample: pdf relative as above; the components of wi and h
- * absolute, that is with a floor of 1; the weight is that of a wi within the bound.
+ * absolute, that is with a floor of 1; the weight is that of a wi within the bound
+ * (and so is the pdf of NDF, which has a pole at wi = -wo).
  */
-bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, double input_error, double *bound);
+bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
+                        double *bound);
+/* The same for facet_pdf.  BOUNDED: on the side of the edge on which rounding put wi. */
+bool facet_pdf_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
+                     double *bound);
 
 const char *facet_tier_name(facet_tier tier);
 /* For people: the materials it promises anything for (facet_bound decides). */
@@ -290,13 +317,22 @@ typedef struct facet_samples {
 } facet_samples;
 
 /*
- * Sample the visible normals of wo and reflect: spherical caps for GGX (Dupuy &
- * Benyoub 2023), monotone inversion of the slope CDF for Beckmann (Heitz &
- * d'Eon 2014).  u1, u2 in [0, 1).  UNSUPPORTED for tabulated materials.
+ * Sample wi for wo; u1, u2 in [0, 1).  UNSUPPORTED where the sampler does not
+ * serve the distribution.  By sampler:
+ *   CAPS     visible normals of GGX, reflected (Dupuy & Benyoub 2023); any shear.
+ *   BOUNDED  the same caps without most of what would go below the horizon (Eto &
+ *            Tokuyoshi 2023), by the principal axes of the ellipse; isotropic
+ *            alpha > 1 by their tighter form.  That is CAPS where the mean slope is
+ *            not 0 or wo is below the horizon.
+ *   SLOPE    visible normals: monotone inversion of the slope CDF along wo, then
+ *            across, for GGX in closed form but for one angle (Heitz & d'Eon 2014).
+ *   NDF      normals by D h_z (Walter et al. 2007); many are not seen, weights have
+ *            no bound.
+ *   COSINE   wi with density cos theta_i / pi, for what is nearly diffuse; h is the
+ *            half vector.
  */
-facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo,
-                          const double *u1, const double *u2, size_t n,
-                          const facet_samples *samples);
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
+                          const double *u1, const double *u2, size_t n, const facet_samples *samples);
 
 /* The same on floats. */
 typedef struct facet_samples_float {
@@ -306,9 +342,17 @@ typedef struct facet_samples_float {
     float *pdf;
 } facet_samples_float;
 
-facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wo,
-                                const float *u1, const float *u2, size_t n,
+facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                                facet_vec3_in_float wo, const float *u1, const float *u2, size_t n,
                                 const facet_samples_float *samples);
+
+/*
+ * Density with which the sampler makes wi from wo, per solid angle, over the whole
+ * sphere; 0 where it never goes.  AUTO also serves tabulated materials: their
+ * visible normals.
+ */
+facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
+                       facet_vec3_in wo, size_t n, double *pdf);
 
 /* ---- Long work ------------------------------------------------------------------ */
 

@@ -2,20 +2,67 @@
 #include "batch.h"
 
 
+const char *facet_sampler_name(facet_sampler sampler)
+{
+#define NAME(id, name) [FACET_SAMPLER_##id] = name,
+    static const char *const names[FACET_SAMPLER_COUNT] = { FACET_SAMPLER_MAP(NAME) };
+#undef NAME
+    return (unsigned)sampler < FACET_SAMPLER_COUNT ? names[sampler] : NULL;
+}
+
+facet_sampler facet_sampler_auto(facet_ndf ndf)
+{
+    switch (ndf) {
+    case FACET_GGX: return FACET_SAMPLER_CAPS;
+    case FACET_BECKMANN: return FACET_SAMPLER_SLOPE;
+    default: return FACET_SAMPLER_AUTO;
+    }
+}
+
+bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
+{
+    if (facet_sampler_auto(ndf) == FACET_SAMPLER_AUTO) return false;
+    switch (sampler) {
+    case FACET_SAMPLER_CAPS:
+    case FACET_SAMPLER_BOUNDED: return ndf == FACET_GGX;
+    default: return (unsigned)sampler < FACET_SAMPLER_COUNT;
+    }
+}
+
+/* The method that really runs. */
+static facet_sampler method_of(const facet_brdf *b, facet_sampler sampler)
+{
+    if (sampler == FACET_SAMPLER_AUTO) return facet_sampler_auto(b->material.ndf);
+    return sampler == FACET_SAMPLER_BOUNDED && b->shape == KERNEL_SHEARED ? FACET_SAMPLER_CAPS : sampler;
+}
+
+facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, facet_sampler *density)
+{
+    *density = FACET_SAMPLER_AUTO;
+    if (sampler == FACET_SAMPLER_AUTO) return FACET_OK;
+    if (!facet_sampler_serves(sampler, b->material.ndf)) return FACET_UNSUPPORTED;
+    facet_sampler method = method_of(b, sampler);
+    if (method != FACET_SAMPLER_CAPS && method != FACET_SAMPLER_SLOPE) *density = method;
+    return FACET_OK;
+}
+
 /* A batch of samples as its caller holds it. */
 struct drawn {
     const facet_brdf *brdf;
     facet_tier tier;
+    facet_sampler method, density; /* what draws, and whose density the weight is divided by (batch.h) */
     struct array wo[3], u[2];
     struct array wi[3], h[3], weight[3], pdf; /* h, weight, pdf NULL: not computed */
 };
 
-/* NULL: this ndf has no sampler.  One that a tier does not have runs in the next. */
-static const struct facet_kernels *sampling_kernels(const struct drawn *d, enum kernel_io *io)
+/* A method that a tier does not have runs in the next. */
+static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 {
     for (int t = (int)facet_batch_tier(d->brdf, d->tier); t < FACET_TIER_COUNT; t++) {
-        const struct facet_kernels *kernels = facet_kernels_nearest((facet_tier)t, d->wo[0].io, io);
-        if (kernels->sample[d->brdf->material.ndf]) return kernels;
+        facet_kernels_nearest((facet_tier)t, d->wo[0].io, io);
+        const struct facet_samplers *samplers = facet_samplers_for((facet_tier)t, *io);
+        kernel_sample_fn *found = samplers->draw[d->brdf->material.ndf][d->method];
+        if (found) return found;
     }
     return NULL;
 }
@@ -53,7 +100,7 @@ static void draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum ke
 /* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
 static void weigh(const struct drawn *d, size_t start, size_t n)
 {
-    struct batch batch = { .brdf = d->brdf, .tier = d->tier };
+    struct batch batch = { .brdf = d->brdf, .tier = d->tier, .sampler = d->density };
     for (int j = 0; j < 3; j++) {
         batch.wi[j] = facet_array_at(d->wi[j], start);
         batch.wo[j] = facet_array_at(d->wo[j], start);
@@ -62,13 +109,16 @@ static void weigh(const struct drawn *d, size_t start, size_t n)
     if (d->weight[0].data) facet_batch_run(&batch, n);
 }
 
-static facet_status draw(const struct drawn *d, size_t n)
+static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
 {
     enum kernel_io io;
-    if ((unsigned)d->tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    const struct facet_kernels *kernels = sampling_kernels(d, &io);
-    if (!kernels) return FACET_UNSUPPORTED;
-    kernel_sample_fn *sample = kernels->sample[d->brdf->material.ndf];
+    if ((unsigned)d->tier >= FACET_TIER_COUNT || !facet_sampler_serves(sampler, d->brdf->material.ndf))
+        return FACET_UNSUPPORTED;
+    d->method = method_of(d->brdf, sampler);
+    facet_status status = facet_batch_sampler(d->brdf, sampler, &d->density);
+    if (status) return status;
+    kernel_sample_fn *sample = find_draw(d, &io);
+    if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n;) {
         size_t size = n - start < BLOCK ? n - start : BLOCK;
         if (io == d->wo[0].io && size >= KERNEL_LANES) {
@@ -83,8 +133,8 @@ static facet_status draw(const struct drawn *d, size_t n)
     return FACET_OK;
 }
 
-facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wo, const double *u1,
-                          const double *u2, size_t n, const facet_samples *out)
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
+                          const double *u1, const double *u2, size_t n, const facet_samples *out)
 {
     struct drawn d = { .brdf = brdf, .tier = tier,
                        .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) },
@@ -93,11 +143,12 @@ facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_vec3_in
                        .h = { facet_doubles(out->h.x), facet_doubles(out->h.y), facet_doubles(out->h.z) },
                        .weight = { facet_doubles(out->weight[0]), facet_doubles(out->weight[1]), facet_doubles(out->weight[2]) },
                        .pdf = facet_doubles(out->pdf) };
-    return draw(&d, n);
+    return draw(&d, sampler, n);
 }
 
-facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wo, const float *u1,
-                                const float *u2, size_t n, const facet_samples_float *out)
+facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                                facet_vec3_in_float wo, const float *u1, const float *u2, size_t n,
+                                const facet_samples_float *out)
 {
     struct drawn d = { .brdf = brdf, .tier = tier,
                        .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) },
@@ -106,5 +157,19 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_v
                        .h = { facet_floats(out->h.x), facet_floats(out->h.y), facet_floats(out->h.z) },
                        .weight = { facet_floats(out->weight[0]), facet_floats(out->weight[1]), facet_floats(out->weight[2]) },
                        .pdf = facet_floats(out->pdf) };
-    return draw(&d, n);
+    return draw(&d, sampler, n);
+}
+
+facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
+                       facet_vec3_in wo, size_t n, double *pdf)
+{
+    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    struct batch batch = { .brdf = brdf, .tier = tier,
+                           .wi = { facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z) },
+                           .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) } };
+    facet_status status = facet_batch_sampler(brdf, sampler, &batch.sampler);
+    if (status) return status;
+    batch.out[KERNEL_PDF][0] = facet_doubles(pdf);
+    facet_batch_run(&batch, n);
+    return FACET_OK;
 }

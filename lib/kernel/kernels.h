@@ -1,8 +1,8 @@
 /*
  * kernels.h - the only interface to the compiled kernels.
  *
- * kernel.c is compiled once per (tier, io, isa) and exports one table of these;
- * everything else in it is static, and it calls nothing.
+ * kernel.c and sampler.c are compiled once per (tier, io, isa) and export one
+ * table each; everything else in them is static, and they call nothing.
  */
 #ifndef FACET_KERNELS_H
 #define FACET_KERNELS_H
@@ -51,6 +51,7 @@ struct kernel_surface {
     double iso_flat, iso_tall;           /* isotropic: weight^2 / alpha^2 and weight^2 */
     double slope_x, slope_y;
     const struct kernel_table *table;    /* FACET_TABULATED only */
+    double cap_keep, cap_a2, cap_side;   /* bounded caps (sample.h): 1 - A^2, A^2 and the sign of |wo_xy| in q */
 };
 
 /* One channel of a Fresnel term. */
@@ -121,7 +122,17 @@ struct facet_kernels {
     /* SMITH alone; NULL: eval's. */
     kernel_eval_fn *fr_achromatic[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][FACET_FRESNEL_COUNT]; /* one channel */
     kernel_eval_fn *fr_pdf[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT];                             /* both at once */
-    kernel_sample_fn *sample[FACET_NDF_COUNT];                   /* NULL: no sampler */
+};
+
+/*
+ * sampler.c's: how each method draws, and the density and weight that go with it
+ * (into out[KERNEL_PDF] and out[KERNEL_WEIGHT]).  pdf and weight NULL where draw
+ * is not: visible normals, facet_kernels' own.
+ */
+struct facet_samplers {
+    kernel_sample_fn *draw[FACET_NDF_COUNT][FACET_SAMPLER_COUNT]; /* NULL: not in this tier */
+    kernel_eval_fn *pdf[FACET_NDF_COUNT][FACET_SAMPLER_COUNT];
+    kernel_eval_fn *weight[FACET_NDF_COUNT][FACET_SAMPLER_COUNT][KERNEL_MASKING_COUNT];
 };
 
 #endif

@@ -1,6 +1,6 @@
 /*
- * sample.h - visible normals of the standard surface (alpha = 1), seen from the
- * stretched direction (a, b, c) (Dupuy 2015 eqs. 2.35, 3.4).
+ * sample.h - normals of the standard surface (alpha = 1), all of them or those
+ * seen from the stretched direction (a, b, c) (Dupuy 2015 eqs. 2.35, 3.4).
  */
 #ifndef FACET_SAMPLE_H
 #define FACET_SAMPLE_H
@@ -22,28 +22,76 @@ struct normal {
 /* Keeps a direction that sees nothing from giving a normal of length 0. */
 #define NORMAL_MIN (REAL_IS_FLOAT ? R(1e-15) : R(1e-140))
 
+/* ---- GGX: caps ----------------------------------------------------------------------- */
+
 /*
- * GGX: spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap
- * of directions above -k'_z: m_z = (1 - u2)(1 + k'_z), and the radius of C from
- * 1 - C_z = u2 (1 + k'_z), 1 + C_z = (1 - k'_z) + (1 - u2)(1 + k'_z), where
- * 1 +- k'_z, 1 - u2 and their products are never differences.
+ * The share K of the cap's lower bound -K c that is left where nothing below it rises
+ * above the horizon (Eto & Tokuyoshi 2023): K = (1 - A^2) q^2 / (q^2 + A^2 z^2), 1 - K
+ * = A^2 (q^2 + z^2) / (q^2 + A^2 z^2), q = 1 +- |wo_xy|; 1 for wo below the horizon.
  */
-INLINE struct normal ggx_sample(struct direction o, struct uniform u1, struct uniform u2)
+struct share {
+    real kept, cut; /* K and 1 - K */
+};
+
+INLINE struct share cap_share(const struct kernel_surface *s, struct vec3 wo)
+{
+    real side = root_from_zero(madd(wo.x, wo.x, wo.y * wo.y)), z2 = wo.z * wo.z;
+    real q = madd(splat(R(s->cap_side)), side, splat(1)), q2 = q * q;
+    real inverse = recip(real_max(madd(splat(R(s->cap_a2)), z2, q2), splat(REAL_MIN)));
+    mask above = less(splat(0), wo.z);
+    return (struct share){ select(above, R(s->cap_keep) * q2 * inverse, splat(1)),
+                           select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0)) };
+}
+
+/* pdf = D / this: 2 (K c + r), which is 4 sigma_o where K = 1. */
+INLINE real cap_area(struct share share, struct direction o)
+{
+    return select(less(splat(0), o.c), 2 * madd(share.kept, o.c, ggx_length(o)), 4 * ggx_sigma(o));
+}
+
+/*
+ * Spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap of
+ * directions above -K k'_z: m_z = (1 - u2)(1 + K k'_z) + (1 - K) k'_z, and the radius
+ * of C from 1 - C_z = u2 (1 + K k'_z), 1 + C_z = (1 - K k'_z) + (1 - u2)(1 + K k'_z),
+ * where 1 +- k'_z, 1 - u2, 1 - K and their products are never differences.
+ */
+INLINE struct normal cap_sample(struct direction o, struct share share, bool bounded, struct uniform u1,
+                                struct uniform u2)
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
-    real large = r + real_abs(o.c), more = large * inverse;
+    real large = r + real_abs(o.c), more = large * inverse, lift = splat(0);
     real less_ = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
     mask behind = less(o.c, splat(0));
     real up = select(behind, less_, more), down = select(behind, more, less_);
+    if (bounded) {
+        real k = o.c * inverse;
+        lift = share.cut * k;
+        up = select(behind, up, madd(share.kept, k, splat(1)));
+        down = select(behind, down, lift + down);
+    }
     real z = u2.rest * up, radius = root_from_zero(u2.u * up * (down + z));
     struct sin_cos turn = sin_cos_turns(u1.u);
     real x = madd(radius, turn.cos, o.a * inverse), y = madd(radius, turn.sin, o.b * inverse);
-    z = real_max(z, splat(NORMAL_MIN));
+    z = real_max(z + lift, splat(NORMAL_MIN));
     real mm = madd(x, x, madd(y, y, z * z));
     return (struct normal){ x, y, z, mm, splat(R(ONE_OVER_PI)) };
 }
 
-#if !REAL_IS_FLOAT /* floats are not enough where the CDF is inverted */
+/* ---- all normals ------------------------------------------------------------------------ */
+
+/* By D h_z (Walter et al. 2007, eqs. 28, 29, 35, 36): tan^2 theta = -log(1 - u1) or u1 / (1 - u1). */
+INLINE struct normal any_normal(enum facet_ndf ndf, struct uniform u1, struct uniform u2)
+{
+    struct sin_cos turn = sin_cos_turns(u2.u);
+    if (ndf == FACET_GGX) {
+        real radius = root_from_zero(u1.u), z = real_max(root_from_zero(u1.rest), splat(NORMAL_MIN));
+        return (struct normal){ radius * turn.cos, radius * turn.sin, z, splat(1), splat(R(ONE_OVER_PI)) };
+    }
+    real radius = root_from_zero(minus_log(u1.u, u1.rest));
+    return (struct normal){ radius * turn.cos, radius * turn.sin, splat(1), splat(1), u1.rest * R(ONE_OVER_PI) };
+}
+
+/* ---- Beckmann: slopes ---------------------------------------------------------------------- */
 
 /* Standard slope CDF seen from v = c / s: g = c / sigma, n = s / sigma (Heitz & d'Eon 2014, eq. 15). */
 struct view {
@@ -60,18 +108,19 @@ struct cdf {
 /*
  * 1 - F next to x = v, where it is lost as a difference: the integral of
  * t exp(2 v t - t^2) over [0, d], term by term of Hermite's generating function.
- * For |2 v d| + d^2 < EDGE the terms left out are below 1e-14 of the sum.
+ * For |2 v d| + d^2 < EDGE the terms left out are below the rounding of the sum.
+ * In float the difference is lost earlier, and fewer digits are asked for.
  */
-#define EDGE 0.02
+#define EDGE (REAL_IS_FLOAT ? 0.25 : 0.02)
 INLINE real edge_integral(real v, real d)
 {
-    enum { TERMS = 13 };
-    real previous = splat(0), term = splat(1), sum = splat(0.5); /* H_n d^n / n! */
+    enum { TERMS = REAL_IS_FLOAT ? 10 : 13 };
+    real previous = splat(0), term = splat(1), sum = splat(R(0.5)); /* H_n d^n / n! */
     for (int n = 1; n < TERMS; n++) {
-        real next = 2 * (v * d * term - d * d * previous) * (1.0 / n);
+        real next = 2 * (v * d * term - d * d * previous) * R(1.0 / n);
         previous = term;
         term = next;
-        sum += term * (1.0 / (n + 2));
+        sum += term * R(1.0 / (n + 2));
     }
     return d * d * sum;
 }
@@ -79,7 +128,7 @@ INLINE real edge_integral(real v, real d)
 /* The given F, or what is exact at d = v - x next to the edge. */
 INLINE struct cdf at_edge(const struct view *view, real d, struct cdf away)
 {
-    mask near = less(real_abs(2 * view->v * d) + d * d, splat(EDGE));
+    mask near = less(real_abs(2 * view->v * d) + d * d, splat(R(EDGE)));
     if (!any(near)) return away;
     real upper = view->edge * edge_integral(view->v, d);
     return (struct cdf){ select(near, 1 - upper, away.lower), select(near, upper, away.upper), away.slope };
@@ -87,23 +136,23 @@ INLINE struct cdf at_edge(const struct view *view, real d, struct cdf away)
 
 INLINE struct cdf front_cdf(const struct view *view, real x)
 {
-    real e = exp_minus(x * x), w = ERFC_SCALE / (ERFC_SCALE + real_abs(x)), erfcx = erfcx_tail(w);
-    real below = e * (view->g * erfcx + view->n * (1 / SQRT_PI)) * 0.5;
-    real above = e * ((view->g - view->n * x) * erfcx * 0.5 - view->n * psi_x(w)) + view->at_v;
+    real e = exp_minus(x * x), w = R(ERFC_SCALE) / (R(ERFC_SCALE) + real_abs(x)), erfcx = erfcx_tail(w);
+    real below = e * (view->g * erfcx + view->n * R(1 / SQRT_PI)) * R(0.5);
+    real above = e * ((view->g - view->n * x) * erfcx * R(0.5) - view->n * psi_x(w)) + view->at_v;
     above = real_max(above, splat(0));
     mask left = less(x, splat(0));
     struct cdf away = { select(left, below, 1 - above), select(left, 1 - below, above),
-                        (view->g - view->n * x) * e * (1 / SQRT_PI) };
+                        (view->g - view->n * x) * e * R(1 / SQRT_PI) };
     return at_edge(view, view->v - x, away);
 }
 
 /* Over d = v - x for v < 0, where the slope density has only its tail left: F falls from 1 to 0. */
 INLINE struct cdf back_cdf(const struct view *view, real d)
 {
-    real v = real_abs(view->v), x = v + d, w = ERFC_SCALE / (ERFC_SCALE + x);
+    real v = real_abs(view->v), x = v + d, w = R(ERFC_SCALE) / (R(ERFC_SCALE) + x);
     real e = exp_minus(d * (d + 2 * v)) * view->n;
-    real lower = e * madd(0.5 * d, erfcx_tail(w), psi_x(w));
-    struct cdf away = { lower, 1 - lower, -d * e * (1 / SQRT_PI) };
+    real lower = e * madd(R(0.5) * d, erfcx_tail(w), psi_x(w));
+    struct cdf away = { lower, 1 - lower, -d * e * R(1 / SQRT_PI) };
     return at_edge(view, d, away);
 }
 
@@ -116,36 +165,67 @@ INLINE struct cdf cdf_at(const struct view *view, real x)
                          select(view->back, back.slope, front.slope) };
 }
 
+/* Newton's step for F(x) = u: of the smaller tail's logarithm in float, which is concave. */
+INLINE real newton_step(struct cdf f, struct uniform u)
+{
+#if REAL_IS_FLOAT
+    mask left = less(u.u, u.rest);
+    real lower = (minus_log(u.rest, u.u) - minus_log(f.upper, f.lower)) * f.lower;
+    real upper = (minus_log(f.lower, f.upper) - minus_log(u.u, u.rest)) * f.upper;
+    return select(left, lower, upper) / f.slope;
+#else
+    real excess = select(less(f.lower, f.upper), f.lower - u.u, u.rest - f.upper);
+    return excess / f.slope;
+#endif
+}
+
 /*
  * x with F(x) = u (of a back view: its d) by Newton's method kept inside a
  * bracket: monotone in u, so that stratified points stay stratified.
  */
-INLINE real invert(const struct view *view, struct uniform u)
+INLINE real invert(const struct view *view, struct uniform u, real x)
 {
-    enum { STEPS = 100 };
-    const double tolerance = COMPENSATED ? 4e-16 : 1e-13;
+    enum { STEPS = REAL_IS_FLOAT ? 16 : 100 };
+    const lane tolerance = COMPENSATED ? R(4e-16) : REAL_IS_FLOAT ? R(1e-6) : R(1e-13);
+    /* Floats of F do not tell slopes near 0 apart. */
+    const real least = splat(REAL_IS_FLOAT ? R(0.5) : R(0));
     real low = view->low, high = view->high;
-    real x = select(view->back, 0.5 * (low + high), real_min(splat(0), high));
     mask active = less(splat(0), splat(1));
     for (int step = 0; step < STEPS && any(active); step++) {
         struct cdf f = cdf_at(view, x);
+        real by = newton_step(f, u);
         real excess = select(less(f.lower, f.upper), f.lower - u.u, u.rest - f.upper);
         mask over = less(splat(0), excess) ^ view->back;
         high = select(over, x, high);
         low = select(over, low, x);
-        real next = x - excess / f.slope;
-        next = select(less(low, next) & less(next, high), next, 0.5 * (low + high));
-        mask moves = less(tolerance * real_abs(x), real_abs(next - x));
-        mask wide_open = less(tolerance * real_abs(high), high - low);
+        /* A last step may leave the bracket by rounding; what is not a number is no last step. */
+        mask moves = (mask)~less(real_abs(by), tolerance * real_max(real_abs(x), least));
+        real next = x - by, middle = R(0.5) * (low + high);
+        next = select(moves, select(less(low, next) & less(next, high), next, middle), next);
+        mask wide_open = less(tolerance * real_max(real_abs(high), least), high - low);
         x = select(active, next, x);
         active &= moves & wide_open;
     }
     return x;
 }
 
+/* About the normal quantile erfinv(2 u - 1), and that of exp(-x^2), x < 0 (Winitzki's form of erfinv). */
+struct guess {
+    real normal, tail;
+};
+
+INLINE struct guess guess_of(struct uniform u)
+{
+    real lower = minus_log(u.rest, u.u), upper = minus_log(u.u, u.rest); /* -log u, -log(1 - u) */
+    real half = R(0.5) * (R(-1.3862943611) + lower + upper), part = R(4.3307) - half; /* 2/(pi 0.147) + log(1 - x^2)/2 */
+    real root_ = root_from_zero(real_max(madd(part, part, R(13.6054) * half), splat(0)));
+    real size = root_from_zero(real_max(root_ - part, splat(0)));
+    return (struct guess){ select(less(u.u, u.rest), -size, size), -root_from_zero(lower) };
+}
+
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
-#define SLOPE_MAX 1e140 /* its square is finite, stretched too */
-#define SLOPE_END 6.7
+#define SLOPE_MAX (REAL_IS_FLOAT ? R(1e15) : R(1e140)) /* its square is finite, stretched too */
+#define SLOPE_END R(6.7)
 
 INLINE struct view view_from(struct direction o, real s)
 {
@@ -157,7 +237,7 @@ INLINE struct view view_from(struct direction o, real s)
     real back_end = end * end / (real_sqrt(madd(v, v, end * end)) - v);
     return (struct view){
         .v = v, .g = o.c / area, .n = n, .at_v = n * psi_x(beckmann_tail(o, s)) * e,
-        .edge = n * (1 / SQRT_PI) * select(back, splat(1), e),
+        .edge = n * R(1 / SQRT_PI) * select(back, splat(1), e),
         .low = select(back, splat(0), -end), .high = select(back, back_end, real_min(v, end)), .back = back,
     };
 }
@@ -166,40 +246,98 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
 {
     real s = real_sqrt(o.s2), safe = real_max(s, splat(REAL_MIN)), zero = splat(0);
     struct view view = view_from(o, s);
-    real found = invert(&view, u1), x = select(view.back, view.v - found, found);
+    struct guess first = guess_of(u1), second = guess_of(u2);
+    real start = madd(view.g, first.normal - first.tail, first.tail);
+    start = select(view.back, R(0.5) * (view.low + view.high), real_min(start, R(0.5) * (view.high + first.tail)));
+    real found = invert(&view, u1, start), x = select(view.back, view.v - found, found);
     /* The Gaussian alone: seen from the pole. */
     struct view plain = { splat(SLOPE_MAX), splat(1), zero, zero, zero, splat(-SLOPE_END), splat(SLOPE_END), less(zero, zero) };
-    real y = invert(&plain, u2);
+    real y = invert(&plain, u2, second.normal);
     mask pole = less(s, splat(REAL_MIN));
     real ca = select(pole, splat(1), o.a / safe), cb = select(pole, zero, o.b / safe);
     real behind = madd(y, y, found * (found + 2 * real_abs(view.v)));
     real exponent = select(view.back, behind, madd(y, y, x * x));
     return (struct normal){ .x = nmadd(x, ca, y * cb), .y = -madd(x, cb, y * ca), .z = splat(1), .mm = splat(1),
-                            .density = exp_minus(exponent) * ONE_OVER_PI };
+                            .density = exp_minus(exponent) * R(ONE_OVER_PI) };
 }
 
-#endif
+/* ---- GGX: slopes --------------------------------------------------------------------------- */
 
-struct sampled {
+/* d - sin d cos d, without the difference where it has too few digits left. */
+INLINE real segment(real d, struct sin_cos at)
+{
+    static const double terms[] = { 4.0 / 1856156927625, -2.0 / 10854718875, 8.0 / 638512875, -4.0 / 6081075,
+                                    4.0 / 155925, -2.0 / 2835, 4.0 / 315, -2.0 / 15, 2.0 / 3 };
+    real d2 = d * d, sum = splat(R(terms[0]));
+    for (int k = 1; k < 9; k++) sum = madd(sum, d2, splat(R(terms[k])));
+    return select(less(d2, splat(R(0.25))), sum * d2 * d, nmadd(at.sin, at.cos, d));
+}
+
+/* d with d - sin d cos d = pi w, w in [0, 1/2], by Newton from d^3 = 3/2 pi w. */
+INLINE real across_angle(real w)
+{
+    enum { STEPS = REAL_IS_FLOAT ? 4 : 6 };
+    /* A third of the exponent is a cube root to 5 % (Kahan). */
+    const lane_bits third = REAL_IS_FLOAT ? (lane_bits)0x2a5119f2 : (lane_bits)((int64_t)0x2a9f7893 << 32);
+    real cube = real_max(w * R(1.5 / ONE_OVER_PI), splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280)));
+    real d = (real)(__builtin_convertvector(__builtin_convertvector((bits)cube, real) * R(1.0 / 3), bits) + third);
+    for (int k = 0; k < 2; k++) d = R(1.0 / 3) * (2 * d + cube / (d * d));
+    for (int k = 0; k < STEPS; k++) {
+        struct sin_cos at = sin_cos_turns(d * R(0.5 * ONE_OVER_PI));
+        d -= (segment(d, at) - w * R(1 / ONE_OVER_PI)) / (2 * at.sin * at.sin);
+    }
+    return d;
+}
+
+/*
+ * Heitz & d'Eon 2014 for GGX with the quantiles exact.  Along wo the slope is tan b, b = A -
+ * theta_o, sin A = u1 (1 + k'_z) - k'_z; across it is tan t / cos b, t + sin t cos t = pi (u2 -
+ * 1/2): m = (sin b cos t, sin t, cos b cos t), no slope formed.
+ */
+INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct uniform u2)
+{
+    real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
+    real c = o.c * inverse, side = root_from_zero(o.s2), s = side * inverse, zero = splat(0);
+    real large = r + real_abs(o.c), more = large * inverse, least = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
+    mask behind = less(o.c, zero);
+    real up = select(behind, least, more), down = select(behind, more, least), part = u1.u * up;
+    real sin_a = part - c, cos_a = root_from_zero(u1.rest * up * (part + down));
+    /* cos b by its conjugate where it is a difference. */
+    real plain = madd(cos_a, c, sin_a * s), under = nmadd(sin_a, s, cos_a * c);
+    real conjugate = (c - sin_a) * part / select(less(real_abs(under), splat(REAL_MIN)), splat(1), under);
+    mask direct = (mask)((mask)~behind & less(zero, sin_a));
+    real cos_b = select(direct, plain, conjugate), sin_b = nmadd(cos_a, s, sin_a * c);
+    struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest)) * R(0.5 * ONE_OVER_PI));
+    real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos), z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
+    mask pole = less(o.s2, splat(REAL_MIN));
+    real ca = select(pole, splat(1), o.a / real_max(side, splat(REAL_MIN)));
+    real cb = select(pole, zero, o.b / real_max(side, splat(REAL_MIN)));
+    real mx = nmadd(x, ca, y * cb), my = -madd(x, cb, y * ca);
+    return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)) };
+}
+
+/* ---- reflection --------------------------------------------------------------------------- */
+
+struct reflected {
     struct vec3 wi, h;
-    real pdf;
+    real density; /* D */
+    real seen;    /* |wo.h| / h_z */
 };
 
-/* The affine map, reflection wi = 2 (wo.h) h - wo, and pdf = D / (4 sigma_o). */
-INLINE struct sampled reflect_sample(enum facet_ndf ndf, const struct kernel_surface *s, struct vec3 wo,
-                                     struct direction o, struct normal m)
+/* The affine map, and reflection wi = 2 (wo.h) h - wo. */
+INLINE struct reflected reflect_sample(const struct kernel_surface *s, struct vec3 wo, struct normal m)
 {
     real hx = nmadd(m.z, splat(R(s->slope_x)), R(s->alpha_x) * m.x);
     real hy = madd(splat(R(s->rho_alpha_y)), m.x, nmadd(m.z, splat(R(s->slope_y)), R(s->kappa_alpha_y) * m.y));
     real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = rsqrt(hh);
     /* Of the h that is used: wi stays a mirror image, whatever rounding did to h. */
-    real twice = quotient(2 * madd(wo.x, hx, madd(wo.y, hy, wo.z * m.z)), hh);
-    const struct model model = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
+    real dot = madd(wo.x, hx, madd(wo.y, hy, wo.z * m.z)), twice = quotient(2 * dot, hh);
     real q = quotient(hh, m.mm * R(s->root_det));
-    return (struct sampled){
+    return (struct reflected){
         .wi = { madd(twice, hx, -wo.x), madd(twice, hy, -wo.y), madd(twice, m.z, -wo.z) },
         .h = { hx * inverse, hy * inverse, m.z * inverse },
-        .pdf = ratio(q * q * m.density, 4 * sigma_scaled(model, s, o)),
+        .density = q * q * m.density,
+        .seen = quotient(real_abs(dot), m.z),
     };
 }
 

@@ -121,6 +121,22 @@ INLINE struct sin_cos sin_cos_turns(real u)
     return (struct sin_cos){ select(past, -sine, sine), select(left, -cosine, cosine) };
 }
 
+/*
+ * -log(1 - u) by rest = 1 - u = 2^e m, m in [3/4, 3/2): 2 atanh(f / (2 + f)) by its
+ * series, f = m - 1, which is -u itself where e = 0: small u keep all their digits.
+ */
+INLINE real minus_log(real u, real rest)
+{
+    enum { TERMS = REAL_IS_FLOAT ? 5 : 12 }; /* (f / (2 + f))^2 <= 1/25 */
+    const bits start = (bits)splat(R(0.75));
+    bits e = ((bits)rest - start) >> EXP_SHIFT;
+    real m = (real)((bits)rest - (e << EXP_SHIFT)), power = __builtin_convertvector(e, real);
+    real f = select(less(real_abs(power), splat(R(0.5))), -u, m - 1), s = f / (2 + f), s2 = s * s;
+    real sum = splat(R(1.0 / (2 * TERMS + 1)));
+    for (int k = TERMS - 1; k >= 0; k--) sum = madd(sum, s2, splat(R(1.0 / (2 * k + 1))));
+    return -madd(power, splat(R(0.693147180559945309417)), 2 * s * sum);
+}
+
 /* psi(v) = (1/sqrt(pi) - v erfcx(v))/2, v >= 0, over w = K / (K + v), K = ERFC_SCALE: 1 at v = 0, 0 at infinity. */
 INLINE real psi_x(real w)
 {

@@ -1,7 +1,7 @@
 /* facet_sample against a sampler in quadruple precision, on every instruction set. */
 #include "check.h"
 #include "draw.h"
-#include "reference.h"
+#include "reference_samplers.h"
 
 #include <float.h>
 #include <math.h>
@@ -11,6 +11,7 @@
 enum { N_MAX = 29 };
 
 struct batch {
+    facet_sampler sampler;
     size_t n;
     double o[3][N_MAX], u1[N_MAX], u2[N_MAX];
     double wi[3][N_MAX], h[3][N_MAX], weight[3][N_MAX], pdf[N_MAX];
@@ -25,6 +26,38 @@ static const struct {
     {FACET_VGROOVE, FACET_ENERGY_SAFE}, {FACET_NONE, FACET_ENERGY_SAFE},
 };
 enum { MODELS = sizeof models / sizeof *models };
+
+/* The reference of a sampler; false: visible normals, reference_sample. */
+static bool method_of(facet_sampler sampler, facet_ndf ndf, enum reference_method *method)
+{
+    switch (sampler) {
+    case FACET_SAMPLER_SLOPE: *method = REFERENCE_SLOPE_GGX; return ndf == FACET_GGX;
+    case FACET_SAMPLER_BOUNDED: *method = REFERENCE_BOUNDED; return true;
+    case FACET_SAMPLER_NDF: *method = REFERENCE_NDF; return true;
+    case FACET_SAMPLER_COSINE: *method = REFERENCE_COSINE; return true;
+    default: return false;
+    }
+}
+
+static void exact_sample(facet_sampler sampler, const facet_material *m, const double wo[3], double u1,
+                         double u2, struct reference_sample *x)
+{
+    enum reference_method method;
+    if (method_of(sampler, m->ndf, &method))
+        reference_sample_by(method, m, wo, u1, u2, x);
+    else
+        reference_sample(m, wo, u1, u2, x);
+}
+
+static quad exact_pdf(facet_sampler sampler, const facet_material *m, const quad wi[3], const double wo[3],
+                      const quad H[3])
+{
+    enum reference_method method;
+    struct reference all;
+    if (method_of(sampler, m->ndf, &method)) return reference_pdf_by(method, m, wi, wo, H);
+    reference_eval_exact(m, wi, wo, H, &all);
+    return all.of[FACET_PDF][0];
+}
 
 static void draw_batch(struct rng *rng, const struct draw_domain *domain, const facet_material *m,
                        struct batch *b)
@@ -50,14 +83,14 @@ static void run(const facet_brdf *brdf, facet_tier tier, size_t channels, struct
     facet_samples s = {{b->wi[0], b->wi[1], b->wi[2]}, {b->h[0], b->h[1], b->h[2]}, {0}, b->pdf};
     for (size_t c = 0; c < channels; c++) s.weight[c] = b->weight[c];
     facet_vec3_in wo = {b->o[0], b->o[1], b->o[2]};
-    CHECK_INT(facet_sample(brdf, tier, wo, b->u1, b->u2, b->n, &s), FACET_OK);
+    CHECK_INT(facet_sample(brdf, tier, b->sampler, wo, b->u1, b->u2, b->n, &s), FACET_OK);
 }
 
 /*
  * How far the weight moves if wi moves by step along one axis.  Toward the horizon, and around the
  * critical angle, a weight hangs on the last bits of wi: no sampler that rounds wi can do better.
  */
-static double weight_moves(const facet_material *m, const double wo[3],
+static double weight_moves(facet_sampler sampler, const facet_material *m, const double wo[3],
                            const struct reference_sample *x, size_t channel, double step)
 {
     double most = 0;
@@ -68,7 +101,7 @@ static double weight_moves(const facet_material *m, const double wo[3],
         for (int j = 0; j < 3; j++) H[j] = wi[j] + wo[j];
         struct reference r;
         reference_eval_exact(m, wi, wo, H, &r);
-        quad seen = r.of[FACET_FR_COS][channel], pdf = r.of[FACET_PDF][0];
+        quad seen = r.of[FACET_FR_COS][channel], pdf = exact_pdf(sampler, m, wi, wo, H);
         double moved = (double)(seen == 0 ? 0 : seen / pdf) - (double)x->weight[channel];
         most = fmax(most, fabs(moved));
     }
@@ -110,23 +143,26 @@ static struct miss distance(const struct reference_sample *a, const struct refer
 
 /*
  * How far the exact sample moves if u or wo move by step, relative to what they are (u also to
- * 1 - u; the azimuth u1 of GGX by step turns).  Where GGX's normals crowd together, at the rim of
+ * 1 - u; an azimuth by step turns).  Where GGX's normals crowd together, at the rim of
  * the cap opposite wo, they hang on the last bits of both: no arithmetic that rounds does better.
  */
-static struct miss sample_moves(const facet_material *m, const double wo[3], double u1, double u2,
+static struct miss sample_moves(facet_sampler sampler, const facet_material *m, const double wo[3],
+                                double u1, double u2,
                                 const struct reference_sample *x, double step)
 {
     struct miss most = {0, 0, 0};
+    bool around = sampler == FACET_SAMPLER_NDF || sampler == FACET_SAMPLER_COSINE;
+    int turns = around ? 2 : m->ndf == FACET_GGX && sampler != FACET_SAMPLER_SLOPE ? 1 : 0; /* which u is an azimuth */
     for (int axis = 0; axis < 10; axis++) {
         double o[3] = {wo[0], wo[1], wo[2]}, by = axis & 1 ? -step : step, v1 = u1, v2 = u2;
         if (axis < 6)
             o[axis / 2] *= 1 + by;
         else if (axis < 8)
-            v1 += by * (m->ndf == FACET_GGX ? 1 : fmin(v1, 1 - v1));
+            v1 += by * (turns == 1 ? 1 : fmin(v1, 1 - v1));
         else
-            v2 += by * fmin(v2, 1 - v2);
+            v2 += by * (turns == 2 ? 1 : fmin(v2, 1 - v2));
         struct reference_sample moved;
-        reference_sample(m, o, v1, v2, &moved);
+        exact_sample(sampler, m, o, v1, v2, &moved);
         widen(&most, distance(&moved, x));
     }
     return most;
@@ -145,7 +181,7 @@ static bool weights_within(const facet_material *m, const double wo[3], const st
         double w = (double)x->weight[c], error = fabs(b->weight[c][k] - w);
         double allowed = bound * fmax(w, FACET_FLOOR);
         if (error <= allowed) continue;
-        if (!(error <= allowed + 2 * weight_moves(m, wo, x, c, step))) return false;
+        if (!(error <= allowed + 2 * weight_moves(b->sampler, m, wo, x, c, step))) return false;
     }
     return true;
 }
@@ -160,6 +196,18 @@ static bool beyond_caps(const facet_material *m, double u2)
     return m->ndf == FACET_GGX && e.alpha_1 > 1e4 * e.alpha_2 && u2 > 1 - 1e-5;
 }
 
+/*
+ * The pdf of NDF has a pole where wo.h is 0, and so does its error: there it is wo.h that has to be
+ * right, absolutely.
+ */
+static bool near_the_pole(const struct batch *b, size_t k, const double wo[3], const struct reference_sample *x,
+                          struct miss miss, double bound)
+{
+    double seen = fabs((double)(wo[0] * x->h[0] + wo[1] * x->h[1] + wo[2] * x->h[2]));
+    if (b->sampler != FACET_SAMPLER_NDF || !(miss.wi <= bound && miss.h <= bound)) return false;
+    return fabs((double)x->pdf / b->pdf[k] - 1) * seen <= bound * (1 + seen);
+}
+
 static void check_sample(const facet_material *m, facet_tier tier, const struct batch *b, size_t k,
                          double bound)
 {
@@ -167,24 +215,25 @@ static void check_sample(const facet_material *m, facet_tier tier, const struct 
     const double wo[3] = {b->o[0][k], b->o[1][k], b->o[2][k]};
     struct reference_sample x;
     if (beyond_caps(m, b->u2[k])) return;
-    reference_sample(m, wo, b->u1[k], b->u2[k], &x);
+    exact_sample(b->sampler, m, wo, b->u1[k], b->u2[k], &x);
     struct miss miss = miss_of(b, k, &x);
     bool plain = within(miss, none, bound), fair = plain;
-    if (!plain) fair = within(miss, sample_moves(m, wo, b->u1[k], b->u2[k], &x, bound), bound);
+    if (!plain) fair = within(miss, sample_moves(b->sampler, m, wo, b->u1[k], b->u2[k], &x, bound), bound);
+    if (!fair) fair = near_the_pole(b, k, wo, &x, miss, bound);
     bool weights = weights_within(m, wo, b, k, &x, fmax(bound, fair ? miss.wi : 0), bound);
     char name[48];
-    snprintf(name, sizeof name, "%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann",
-             facet_tier_name(tier));
+    snprintf(name, sizeof name, "%s/%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann",
+             facet_sampler_name(b->sampler), facet_tier_name(tier));
     if (plain) check_note(name, fmax(fmax(miss.wi, miss.h), miss.pdf) / bound);
-    snprintf(name, sizeof name, "%s/%s: crowded", m->ndf == FACET_GGX ? "ggx" : "beckmann",
-             facet_tier_name(tier));
+    snprintf(name, sizeof name, "%s/%s/%s: crowded", m->ndf == FACET_GGX ? "ggx" : "beckmann",
+             facet_sampler_name(b->sampler), facet_tier_name(tier));
     if (fair && !plain) check_note(name, fmax(miss.wi, miss.h));
     if (fair && weights) return;
     check_fail(__FILE__, __LINE__,
-               "%s: wi off %.3g, h off %.3g, pdf off %.3g (bound %.3g)\n    %s\n    wo {%.17g, "
+               "%s %s: wi off %.3g, h off %.3g, pdf off %.3g (bound %.3g)\n    %s\n    wo {%.17g, "
                "%.17g, %.17g} u %.17g %.17g: wi {%.9g, %.9g, %.9g} not {%.9g, %.9g, %.9g}, pdf "
                "%.9g not %.9g, weight %.9g not %.9g",
-               facet_tier_name(tier), miss.wi, miss.h, miss.pdf, bound, draw_text(m), wo[0], wo[1],
+               facet_sampler_name(b->sampler), facet_tier_name(tier), miss.wi, miss.h, miss.pdf, bound, draw_text(m), wo[0], wo[1],
                wo[2], b->u1[k], b->u2[k], b->wi[0][k], b->wi[1][k], b->wi[2][k], (double)x.wi[0],
                (double)x.wi[1], (double)x.wi[2], b->pdf[k], (double)x.pdf, b->weight[0][k],
                (double)x.weight[0]);
@@ -192,9 +241,10 @@ static void check_sample(const facet_material *m, facet_tier tier, const struct 
 
 /* Returns the number of samples checked. */
 static size_t walk(const struct draw_domain *domain, size_t materials, facet_tier tier,
-                   facet_ndf ndf, struct rng *rng)
+                   facet_sampler sampler, facet_ndf ndf, struct rng *rng)
 {
     static struct batch b;
+    b.sampler = sampler;
     size_t checked = 0;
     for (size_t k = 0; k < materials * MODELS; k++) {
         facet_material m = {
@@ -207,32 +257,127 @@ static size_t walk(const struct draw_domain *domain, size_t materials, facet_tie
         double bound;
         draw_batch(rng, domain, &m, &b);
         run(brdf, tier, m.fresnel.channels, &b);
-        if (facet_sample_bound(brdf, tier, 0, &bound) && bound < 0.5)
+        if (facet_sample_bound(brdf, tier, sampler, 0, &bound) && bound < 0.5)
             for (size_t j = 0; j < b.n; j++, checked++) check_sample(&m, tier, &b, j, bound);
         facet_brdf_destroy(brdf);
     }
     return checked;
 }
 
-static void walk_all(const struct draw_domain *domain, unsigned long long seed)
+static void walk_all(const struct draw_domain *domain, facet_sampler sampler, size_t materials,
+                     unsigned long long seed)
 {
     struct rng rng;
     rng_seed(&rng, seed);
     for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
         for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
-            size_t n = draw_count(ndf == FACET_GGX ? 60 : 10);
-            size_t checked = walk(domain, n, (facet_tier)tier, (facet_ndf)ndf, &rng);
-            if (checked < 10 * n)
+            if (!facet_sampler_serves(sampler, (facet_ndf)ndf)) continue;
+            size_t n = draw_count(ndf == FACET_GGX || sampler != FACET_SAMPLER_AUTO ? materials : materials / 6);
+            size_t checked = walk(domain, n, (facet_tier)tier, sampler, (facet_ndf)ndf, &rng);
+            /* A scaled-down run of the named ones is too few to be sure of that. */
+            if (checked < 10 * n && (sampler == FACET_SAMPLER_AUTO || n >= 5))
                 check_fail(__FILE__, __LINE__, "tier %d ndf %d: %zu samples", tier, ndf, checked);
         }
 }
 
 TEST(samples_of_ordinary_materials)
 {
-    walk_all(&draw_ordinary, 51);
+    walk_all(&draw_ordinary, FACET_SAMPLER_AUTO, 60, 51);
 }
 
 TEST(samples_everywhere)
 {
-    walk_all(&draw_everywhere, 52);
+    walk_all(&draw_everywhere, FACET_SAMPLER_AUTO, 60, 52);
+}
+
+TEST(samples_by_name)
+{
+    static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_SLOPE, FACET_SAMPLER_NDF,
+                                             FACET_SAMPLER_COSINE};
+    for (int k = 0; k < 4; k++) {
+        walk_all(&draw_ordinary, samplers[k], 6, 53);
+        walk_all(&draw_everywhere, samplers[k], 6, 54);
+    }
+}
+
+/*
+ * A density on the edge of what BOUNDED makes: does it change between 0 and more if wi moves by
+ * step?
+ */
+static bool on_the_edge(const facet_material *m, const double wi[3], const double wo[3], double step)
+{
+    int zeros = 0;
+    for (int axis = 0; axis < 7; axis++) {
+        quad i[3] = {wi[0], wi[1], wi[2]}, H[3];
+        if (axis < 6) i[axis / 2] += (axis & 1 ? -1 : 1) * (quad)step;
+        for (int j = 0; j < 3; j++) H[j] = i[j] + wo[j];
+        zeros += exact_pdf(FACET_SAMPLER_BOUNDED, m, i, wo, H) == 0;
+    }
+    return zeros > 0 && zeros < 7;
+}
+
+/* One density against the reference; false where it only fell on the other side of the edge. */
+static bool check_pdf(const facet_material *m, facet_tier tier, facet_sampler sampler, const double wi[3],
+                      const double wo[3], double got, double bound)
+{
+    const quad i[3] = {wi[0], wi[1], wi[2]}, H[3] = {i[0] + wo[0], i[1] + wo[1], i[2] + wo[2]};
+    quad x = exact_pdf(sampler, m, i, wo, H);
+    double error = x > DBL_MAX ? 0 : reference_error(got, x, FACET_FLOOR);
+    static const double edge[FACET_TIER_COUNT] = {1e-2, 1e-4, 1e-8, 1e-11};
+    /* Above the horizon lib never cuts; the formula may, where wo is a rounded float whose length is not 1. */
+    double step = wi[2] > 0 ? fmax(edge[tier], 1e-6) : edge[tier];
+    if (!(error <= bound) && sampler == FACET_SAMPLER_BOUNDED && on_the_edge(m, wi, wo, step))
+        return false;
+    char name[64];
+    snprintf(name, sizeof name, "pdf %s/%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann", facet_sampler_name(sampler),
+             facet_tier_name(tier));
+    check_note(name, error / bound);
+    if (!(error <= bound))
+        check_fail(__FILE__, __LINE__,
+                   "%s %s: pdf %.17g not %.17g, off %.3g (bound %.3g)\n    %s\n    wi {%.17g, %.17g, %.17g} wo "
+                   "{%.17g, %.17g, %.17g}",
+                   facet_sampler_name(sampler), facet_tier_name(tier), got, (double)x, error, bound, draw_text(m),
+                   wi[0], wi[1], wi[2], wo[0], wo[1], wo[2]);
+    return true;
+}
+
+enum { PAIRS = 37 };
+
+static void walk_pdfs(const struct draw_domain *domain, facet_tier tier, facet_sampler sampler, facet_ndf ndf,
+                      struct rng *rng)
+{
+    facet_material m = {.ndf = ndf, .fresnel = {.channels = 1}};
+    double i[3][PAIRS], o[3][PAIRS], pdf[PAIRS], bound;
+    draw_roughness(rng, domain, &m.roughness);
+    if (sampler == FACET_SAMPLER_BOUNDED && rng_uniform(rng) < 0.7) m.roughness.slope_x = m.roughness.slope_y = 0;
+    facet_brdf *brdf = NULL;
+    CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+    if (!brdf) return;
+    for (size_t k = 0; k < PAIRS; k++) {
+        double wi[3], wo[3];
+        draw_pair(rng, domain, &m, wi, wo);
+        for (int j = 0; j < 3; j++) i[j][k] = wi[j], o[j][k] = wo[j];
+    }
+    facet_vec3_in wi = {i[0], i[1], i[2]}, wo = {o[0], o[1], o[2]};
+    bool promised = facet_pdf_bound(brdf, tier, sampler, 0, &bound) && bound < 0.5;
+    CHECK_INT(facet_pdf(brdf, tier, sampler, wi, wo, PAIRS, pdf), FACET_OK);
+    for (size_t k = 0; promised && k < PAIRS; k++)
+        check_pdf(&m, tier, sampler, (double[3]){i[0][k], i[1][k], i[2][k]},
+                  (double[3]){o[0][k], o[1][k], o[2][k]}, pdf[k], bound);
+    facet_brdf_destroy(brdf);
+}
+
+TEST(densities_by_name)
+{
+    struct rng rng;
+    rng_seed(&rng, 55);
+    struct draw_domain sphere = draw_ordinary;
+    sphere.below = true;
+    for (size_t k = draw_count(400); k--;)
+        for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
+            for (int s = FACET_SAMPLER_BOUNDED; s < FACET_SAMPLER_COUNT; s++)
+                for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
+                    if (s != FACET_SAMPLER_SLOPE && facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf))
+                        walk_pdfs(k & 1 ? &sphere : &draw_everywhere, (facet_tier)tier, (facet_sampler)s, (facet_ndf)ndf,
+                                  &rng);
 }

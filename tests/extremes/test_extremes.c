@@ -3,6 +3,7 @@
 #include "check.h"
 #include "draw.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -138,24 +139,29 @@ TEST(samples_stay_finite)
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;
         double bound = 1; /* where nothing is promised, finite must do */
-        if (!facet_sample_bound(brdf, tier, 0, &bound)) bound = 1;
+        facet_sampler sampler;
+        do sampler = (facet_sampler)(int)(rng_uniform(&rng) * FACET_SAMPLER_COUNT);
+        while (!facet_sampler_serves(sampler, m.ndf));
+        if (!facet_sample_bound(brdf, tier, sampler, 0, &bound)) bound = 1;
         facet_samples s = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
-        CHECK_INT(facet_sample(brdf, tier, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
+        CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
                   FACET_OK);
         facet_brdf_destroy(brdf);
         for (size_t k = 0; k < N; k++) {
             double size = hypot(hypot(wi[0][k], wi[1][k]), wi[2][k]);
             double hsize = hypot(hypot(h[0][k], h[1][k]), h[2][k]);
             double osize = hypot(hypot(o[0][k], o[1][k]), o[2][k]); /* 1, but for the hard ones */
+            if (sampler == FACET_SAMPLER_COSINE) osize = 1;
             bool sane = fabs(size - osize) < 1e-12 + 4 * bound &&
-                        fabs(hsize - 1) < 1e-12 + 4 * bound && h[2][k] >= 0 && weight[k] >= 0 &&
-                        weight[k] < 1e300 && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
+                        fabs(hsize - 1) < 1e-12 + 4 * bound &&
+                        (sampler == FACET_SAMPLER_COSINE || h[2][k] >= 0) && weight[k] >= 0 &&
+                        (weight[k] < 1e300 || sampler >= FACET_SAMPLER_NDF || m.shear == FACET_THESIS) && weight[k] <= DBL_MAX && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
             if (sane) continue;
             check_fail(
                 __FILE__, __LINE__,
-                "wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g, %s\n    %s\n    wo {%.17g, "
+                "%s: wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g, %s\n    %s\n    wo {%.17g, "
                 "%.17g, %.17g} u %.17g %.17g",
-                wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k], weight[k], pdf[k],
+                facet_sampler_name(sampler), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k], weight[k], pdf[k],
                 facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
         }
     }

@@ -120,10 +120,12 @@ TEST(weights_never_exceed_fresnel)
         }
         facet_samples s = {.wi = {p.x[0], p.x[1], p.x[2]},
                            .weight = {p.weight[0], p.weight[1], p.weight[2]}};
-        CHECK_INT(facet_sample(brdf, tier, in(p.o), p.u1, p.u2, N, &s), FACET_OK);
+        bool bounded = m.ndf == FACET_GGX && rng_uniform(&rng) < 0.5;
+        facet_sampler sampler = bounded ? FACET_SAMPLER_BOUNDED : FACET_SAMPLER_AUTO;
+        CHECK_INT(facet_sample(brdf, tier, sampler, in(p.o), p.u1, p.u2, N, &s), FACET_OK);
         eval(brdf, tier, &m, &p, p.x);
         double bound = 0, loose = slack(brdf, tier);
-        if (!facet_sample_bound(brdf, tier, 0, &bound)) loose = 0;
+        if (!facet_sample_bound(brdf, tier, sampler, 0, &bound)) loose = 0;
         facet_brdf_destroy(brdf);
         if (!(loose > 0 && loose < 0.1)) continue;
         loose += bound;
@@ -145,6 +147,48 @@ TEST(weights_never_exceed_fresnel)
     }
     check_note("checked", (double)checked);
     if (draw_count(100) >= 100) CHECK(checked >= 100000);
+}
+
+/*
+ * Above the horizon bounded caps are never thinner than caps: fr cos / pdf is never larger, and so
+ * neither is any variance.
+ */
+TEST(bounded_caps_are_never_thinner_than_caps)
+{
+    struct rng rng;
+    rng_seed(&rng, 14);
+    static struct pairs p;
+    static double caps[N], bounded[N];
+    size_t thicker = 0;
+    for (size_t round = draw_count(1500); round--;) {
+        facet_material m = safe_material(&rng);
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
+        m.ndf = FACET_GGX;
+        if (round & 4) m.roughness.slope_x = m.roughness.slope_y = 0;
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        if (!brdf) continue;
+        for (size_t k = 0; k < N; k++) {
+            double wi[3], wo[3];
+            draw_pair(&rng, &draw_everywhere, &m, wi, wo);
+            for (int j = 0; j < 3; j++) p.i[j][k] = wi[j], p.o[j][k] = wo[j];
+        }
+        CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_CAPS, in(p.i), in(p.o), N, caps), FACET_OK);
+        CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_BOUNDED, in(p.i), in(p.o), N, bounded), FACET_OK);
+        double bound = 0;
+        bool promised = facet_pdf_bound(brdf, tier, FACET_SAMPLER_BOUNDED, 0, &bound) && bound < 0.1;
+        facet_brdf_destroy(brdf);
+        for (size_t k = 0; promised && k < N; k++) {
+            if (!(p.i[2][k] > 0)) continue;
+            thicker += bounded[k] > 1.01 * caps[k];
+            if (bounded[k] >= caps[k] * (1 - 2 * bound) - 2 * FACET_FLOOR) continue;
+            check_fail(__FILE__, __LINE__, "bounded %.17g caps %.17g, %s\n    %s\n    wo {%.17g, %.17g, %.17g}",
+                       bounded[k], caps[k], facet_tier_name(tier), draw_text(&m), p.o[0][k], p.o[1][k],
+                       p.o[2][k]);
+        }
+    }
+    check_note("thicker", (double)thicker);
+    CHECK(thicker > draw_count(1000));
 }
 
 static double albedo(const facet_brdf *brdf, const struct normals_rule *rule, double *y)

@@ -93,7 +93,8 @@ TEST(bad_requests)
     check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":10000000}", "/n");
     check_refused("{" GGX ",\"wo\":{\"random\":{\"n\":2000}},\"n\":2000}", "/n");
     check_refused("{" GGX ",\"n\":1}", "/wo");
-    check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"slope\"}", "/sampler");
+    check_refused("{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
+                  "/sampler");
     check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"table\"}", "/sampler");
     check_refused("{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[0,0,0,0]"
                   "}},\"wo\":[[0,0,1]],\"n\":1}",
@@ -119,5 +120,75 @@ TEST(colour_and_flat)
     CHECK_INT(answer_count(&a, "wi"), 3);
     CHECK_INT(answer_count(&a, "weight"), 3);
     CHECK(answer_number(&a, "weight", 0) > answer_number(&a, "weight", 2));
+    answer_clear(&a);
+}
+
+/* Each method by its name, its density as /v1/pdf has it. */
+TEST(samplers_by_name)
+{
+    static const struct {
+        const char *ndf, *sampler;
+    } cases[] = {{"ggx", "caps"},    {"ggx", "bounded"},      {"ggx", "slope"}, {"ggx", "ndf"},      {"ggx", "cosine"},
+                 {"beckmann", "slope"}, {"beckmann", "ndf"}, {"beckmann", "cosine"}};
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        char body[600];
+        const char *material = "\"material\":{\"ndf\":\"%s\",\"alpha_x\":0.5,\"alpha_y\":0.3,\"rho\":0.2},"
+                               "\"sampler\":\"%s\",\"tolerance\":1e-9,";
+        char start[300];
+        snprintf(start, sizeof start, material, cases[c].ndf, cases[c].sampler);
+        snprintf(body, sizeof body, "{%s\"wo\":[[-0.6,0,0.8]],\"n\":20,\"seed\":3}", start);
+        struct answer s = ask_post("/v1/sample", body);
+        CHECK_INT(s.response.status, 200);
+        CHECK_STR(answer_text(&s, "sampler"), cases[c].sampler);
+        for (size_t i = 0; i < 20; i++) {
+            double x = answer_component(&s, "wi", i, 0), y = answer_component(&s, "wi", i, 1);
+            double z = answer_component(&s, "wi", i, 2), own = answer_number(&s, "pdf", i);
+            snprintf(body, sizeof body, "{%s\"wi\":[[%.17g,%.17g,%.17g]],\"wo\":[[-0.6,0,0.8]]}", start, x, y, z);
+            struct answer p = ask_post("/v1/pdf", body);
+            CHECK_STR(answer_text(&p, "sampler"), cases[c].sampler);
+            CHECK_REL(own, answer_number(&p, "pdf", 0), 1e-6, 1e-30);
+            snprintf(body, sizeof body,
+                     "{\"material\":{\"ndf\":\"%s\",\"alpha_x\":0.5,\"alpha_y\":0.3,\"rho\":0.2},"
+                     "\"wi\":[[%.17g,%.17g,%.17g]],\"wo\":[[-0.6,0,0.8]],\"outputs\":[\"fr_cos\"],\"tolerance\":1e-9}",
+                     cases[c].ndf, x, y, z);
+            struct answer e = ask_post("/v1/eval", body);
+            CHECK_REL(answer_number(&s, "weight", i) * own, answer_number(&e, "fr_cos", 0), 1e-6, 1e-9);
+            answer_clear(&p);
+            answer_clear(&e);
+        }
+        answer_clear(&s);
+    }
+}
+
+static long long wasted_by(const char *sampler, const char *alpha, const char *wo)
+{
+    char body[400];
+    snprintf(body, sizeof body,
+             "{\"material\":{\"ndf\":\"ggx\",\"alpha\":%s},\"wo\":[%s],\"n\":5000,\"sampler\":\"%s\","
+             "\"outputs\":[\"pdf\"]}",
+             alpha, wo, sampler);
+    struct answer a = ask_post("/v1/sample", body);
+    CHECK_INT(a.response.status, 200);
+    long long n = json_integer_value(json_object_get(a.json, "wasted"));
+    answer_clear(&a);
+    return n;
+}
+
+TEST(bounded_wastes_nothing_at_normal_incidence_and_less_elsewhere)
+{
+    static const char *const alphas[] = {"0.01", "0.1", "0.4", "1", "1.5", "4"};
+    for (int k = 0; k < 6; k++) {
+        CHECK_INT(wasted_by("bounded", alphas[k], "[0,0,1]"), 0);
+        CHECK(wasted_by("bounded", alphas[k], "[-0.6,0,0.8]") <= wasted_by("caps", alphas[k], "[-0.6,0,0.8]"));
+    }
+    CHECK(wasted_by("caps", "1", "[0,0,1]") > 2000);
+}
+
+TEST(a_refused_sampler_names_those_there_are)
+{
+    struct answer a = ask_post("/v1/sample", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],"
+                                             "\"n\":1,\"sampler\":\"bounded\"}");
+    CHECK_INT(a.response.status, 422);
+    CHECK_STR(answer_error(&a, "detail"), "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine");
     answer_clear(&a);
 }

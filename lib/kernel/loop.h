@@ -1,0 +1,221 @@
+/*
+ * loop.h - what every batch loop is made of: arrays in and out, the terms of a
+ * pair, strays, Fresnel terms, and the loop itself as a macro.
+ */
+#ifndef FACET_LOOP_H
+#define FACET_LOOP_H
+
+#include "kernels.h"
+
+#include "fresnel.h"
+#include "masking.h"
+
+#define TABLE_NAME_(table, tier, io, isa) facet_##table##_##tier##_##io##_##isa
+#define TABLE_NAME(table, tier, io, isa) TABLE_NAME_(table, tier, io, isa)
+
+/* ---- in and out ------------------------------------------------------------------ */
+
+INLINE real load_at(const void *array, size_t k)
+{
+    return load((const io *)array + k);
+}
+
+INLINE void store_at(void *array, size_t k, real x)
+{
+    store((io *)array + k, x);
+}
+
+INLINE struct vec3 load_vec3(const void *const v[3], size_t k)
+{
+    return (struct vec3){ load_at(v[0], k), load_at(v[1], k), load_at(v[2], k) };
+}
+
+INLINE void store_vec3(void *const v[3], size_t k, struct vec3 x)
+{
+    store_at(v[0], k, x.x), store_at(v[1], k, x.y), store_at(v[2], k, x.z);
+}
+
+#if defined(FACET_IO_double) && REAL_IS_FLOAT
+#define ROUNDS_INPUT 1
+
+INLINE struct doubles doubles_at(const void *array, size_t k)
+{
+    return load_doubles((const io *)array + k);
+}
+
+INLINE struct doubles sum_of(struct doubles a, struct doubles b)
+{
+    return (struct doubles){ { a.half[0] + b.half[0], a.half[1] + b.half[1] } };
+}
+
+INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+{
+    struct doubles ix = doubles_at(job->wi[0], k), iy = doubles_at(job->wi[1], k), iz = doubles_at(job->wi[2], k);
+    struct doubles ox = doubles_at(job->wo[0], k), oy = doubles_at(job->wo[1], k), oz = doubles_at(job->wo[2], k);
+    struct given g = { .wi = { narrow(ix), narrow(iy), narrow(iz) },
+                       .wo = { narrow(ox), narrow(oy), narrow(oz) },
+                       .sum = { narrow(sum_of(ix, ox)), narrow(sum_of(iy, oy)), narrow(sum_of(iz, oz)) } };
+    if (m.shape != KERNEL_SHEARED) return g;
+    g.ci = mean_cosine_of_doubles(s, ix, iy, iz);
+    g.co = mean_cosine_of_doubles(s, ox, oy, oz);
+    return g;
+}
+#else
+#define ROUNDS_INPUT 0
+
+INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+{
+    struct given g = { .wi = load_vec3(job->wi, k), .wo = load_vec3(job->wo, k) };
+    g.sum = (struct vec3){ g.wi.x + g.wo.x, g.wi.y + g.wo.y, g.wi.z + g.wo.z };
+    if (m.shape != KERNEL_SHEARED) return g;
+    g.ci = mean_cosine(s, g.wi);
+    g.co = mean_cosine(s, g.wo);
+    return g;
+}
+#endif
+
+/* What every quantity of a pair is made of. */
+struct terms {
+    struct given given;
+    struct direction i, o;
+    struct half h;
+};
+
+INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+{
+    struct terms t = { .given = load_pair(s, m, job, k) };
+    t.i = direction_of(s, m.shape, t.given.wi, t.given.ci);
+    t.o = direction_of(s, m.shape, t.given.wo, t.given.co);
+    t.h = half_of(s, m.shape, &t.given);
+    return t;
+}
+
+/* ---- strays ------------------------------------------------------------------------ */
+
+/*
+ * Pairs beyond the range of a tier's arithmetic, marked by results that are not
+ * numbers: |H| too short for its powers, a result about to overflow, a cosine
+ * lost in float, and what excess_front is not for.  precise has none.
+ */
+#if REAL_IS_FLOAT
+#define SHORTEST2 R(0x1p-20)
+#define LARGEST R(1e37)
+#define LEAST_COSINE 0x1p-28
+#else
+#define SHORTEST2 R(1e-60)
+#define LARGEST R(1e300)
+#define LEAST_COSINE 0x1p-16
+#endif
+
+/* Not a number counts as beyond. */
+INLINE mask stray(struct model m, const struct kernel_surface *s, const struct terms *t, enum kernel_quantity q,
+                  real value)
+{
+    mask good = less(splat(SHORTEST2), t->h.hh) & less(value, splat(LARGEST));
+    /* What was a cosine may have become 0. */
+    if (ROUNDS_INPUT) good &= less(splat(R(1e-37)), real_min(real_abs(t->i.z), real_abs(t->o.z)));
+    if (m.shape == KERNEL_SHEARED) {
+        real c = real_min(real_abs(t->i.c), real_abs(t->o.c));
+        if (REAL_IS_FLOAT) c = real_min(c, real_min(real_abs(t->i.z), real_abs(t->o.z)));
+        good &= less(splat(R(LEAST_COSINE * (1 + __builtin_fabs(s->slope_x) + __builtin_fabs(s->slope_y)))), c);
+        /* v_o^2 > BEHIND_MAX */
+        real behind = real_min(t->o.c, splat(0));
+        if (scales(m)) good &= (mask)~less(BEHIND_MAX * t->o.s2, behind * behind);
+    }
+    bool from_below = q == KERNEL_PDF || q == KERNEL_D_VIS || q == KERNEL_SIGMA_O;
+    if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED)
+        good &= (mask)~less(t->o.z, splat(0));
+    return (mask)~good;
+}
+
+INLINE real marked(mask stray_, real value)
+{
+    return select(stray_, splat(R(__builtin_nan(""))), value);
+}
+
+/* ---- quantities ---------------------------------------------------------------------- */
+
+INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair c2, real versine5)
+{
+    const struct kernel_fresnel *f = &job->fresnel[channel];
+    switch (job->kind) {
+    case FACET_FRESNEL_SCHLICK: return fresnel_schlick(f, versine5);
+    case FACET_FRESNEL_DIELECTRIC: return fresnel_dielectric(f, c2);
+    case FACET_FRESNEL_CONDUCTOR: return fresnel_conductor(f, c2);
+    case FACET_FRESNEL_TABLE: return fresnel_table(f, c2);
+    default: return splat(1);
+    }
+}
+
+/* out[channel] = F_channel value. */
+INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
+                           const struct terms *t, real value)
+{
+    pair c2 = { splat(0), splat(0) };
+    real v5 = splat(0);
+    if (job->kind != FACET_FRESNEL_IDEAL) c2 = angle_squared(&t->given, t->h);
+    if (job->kind == FACET_FRESNEL_SCHLICK) {
+        real v = real_max(angle_versine(t->h, c2), splat(0)), v2 = v * v;
+        v5 = v2 * v2 * v;
+    }
+    for (size_t c = 0; c < job->channels; c++)
+        if (job->out[q][c]) store_at(job->out[q][c], k, value * fresnel_of(job, c, c2, v5));
+}
+
+/* By name and not by a switch over q: what a switch drops has first to be compiled. */
+#define quantity_FR quantity_fr
+#define quantity_FR_COS quantity_fr_cos
+#define quantity_PDF quantity_pdf
+#define quantity_D quantity_d
+#define quantity_D_VIS quantity_d_vis
+#define quantity_G quantity_g
+#define quantity_G1_I quantity_g1_i
+#define quantity_G1_O quantity_g1_o
+#define quantity_F(m, s, i, o, h) splat(1)
+#define quantity_SIGMA_O quantity_sigma_o
+#define quantity_WEIGHT quantity_weight
+#define quantity_CONDITION quantity_condition
+
+#define STORE_PLAIN(q) store_at(own.out[q][0], k, value)
+#define STORE_COLOURED(q) store_coloured(&own, q, k, &t, value)
+#define STORE_FR STORE_COLOURED
+#define STORE_FR_COS STORE_COLOURED
+#define STORE_PDF STORE_PLAIN
+#define STORE_D STORE_PLAIN
+#define STORE_D_VIS STORE_PLAIN
+#define STORE_G STORE_PLAIN
+#define STORE_G1_I STORE_PLAIN
+#define STORE_G1_O STORE_PLAIN
+#define STORE_F STORE_COLOURED
+#define STORE_SIGMA_O STORE_PLAIN
+#define STORE_WEIGHT STORE_COLOURED
+#define STORE_CONDITION STORE_PLAIN
+
+#define ONE_QUANTITY(q)                                                                         \
+    {                                                                                           \
+        real value = quantity_##q(m, &s, t.i, t.o, t.h);                                        \
+        if (!COMPENSATED) {                                                                     \
+            mask out = stray(m, &s, &t, KERNEL_##q, value);                                     \
+            value = marked(out, value);                                                         \
+            some = (mask)(some | out);                                                                        \
+        }                                                                                       \
+        STORE_##q(KERNEL_##q);                                                                  \
+    }
+
+/* The quantities of one loop share what they have in common. */
+#define LOOP(name, ndf_, shape_, masking_, fixed, quantities)                                   \
+    static bool name(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
+    {                                                                                           \
+        const struct kernel_surface s = *surface;                                               \
+        struct kernel_job own = *job;                                                           \
+        const struct model m = { FACET_##ndf_, KERNEL_##shape_, KERNEL_##masking_ };            \
+        mask some = less(splat(0), splat(0));                                                   \
+        fixed;                                                                                  \
+        for (size_t k = 0; k < n; k += LANES) {                                                 \
+            struct terms t = load_terms(&s, m, &own, k);                                        \
+            quantities                                                                          \
+        }                                                                                       \
+        return any(some);                                                                       \
+    }
+
+#endif

@@ -1,0 +1,179 @@
+/*
+ * sampler.c - the sampling loops and the densities of each method, compiled once
+ * per (tier, io, isa) like kernel.c.
+ *
+ * The loops are those of the general shape; a method's density is D times a
+ * factor in which nothing cancels, so that fr cos / pdf is the factor's business
+ * alone.
+ */
+#include "loop.h"
+#include "sample.h"
+
+/* ---- draws ------------------------------------------------------------------------------ */
+
+/* 1 - u before u is rounded, which may make it 1. */
+INLINE struct uniform load_uniform(const struct kernel_job *job, int which, size_t k)
+{
+#if ROUNDS_INPUT
+    struct doubles u = load_doubles((const io *)job->u[which] + k), rest = { { 1 - u.half[0], 1 - u.half[1] } };
+    return (struct uniform){ narrow(u), narrow(rest) };
+#else
+    real u = load_at(job->u[which], k);
+    return (struct uniform){ u, 1 - u };
+#endif
+}
+
+INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf, struct direction o,
+                                 struct share share, struct uniform u1, struct uniform u2)
+{
+    if (sampler == FACET_SAMPLER_NDF) return any_normal(ndf, u1, u2);
+    if (sampler == FACET_SAMPLER_SLOPE) return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
+    return cap_sample(o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
+}
+
+INLINE void draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
+                 const struct kernel_job *job, size_t k)
+{
+    const struct model m = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
+    struct vec3 wo = load_vec3(job->wo, k);
+    struct direction o = direction_of(s, KERNEL_SHEARED, wo, mean_cosine(s, wo));
+    struct share share = { splat(1), splat(0) };
+    if (sampler == FACET_SAMPLER_BOUNDED) share = cap_share(s, wo);
+    struct normal n = draw_normal(sampler, ndf, o, share, load_uniform(job, 0, k), load_uniform(job, 1, k));
+    struct reflected a = reflect_sample(s, wo, n);
+    store_vec3(job->sampled_wi, k, a.wi);
+    if (job->sampled_h[0]) store_vec3(job->sampled_h, k, a.h);
+    if (!job->sampled_pdf) return;
+    real area = sampler == FACET_SAMPLER_NDF       ? 4 * a.seen
+                : sampler == FACET_SAMPLER_BOUNDED ? cap_area(share, o)
+                                                   : 4 * sigma_scaled(m, s, o);
+    store_at(job->sampled_pdf, k, ratio(a.density, area));
+}
+
+#define DRAW_LOOP(sampler, ndf)                                                                 \
+    static void draw_##sampler##_##ndf(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
+    {                                                                                           \
+        const struct kernel_surface s = *surface;                                               \
+        for (size_t k = 0; k < n; k += LANES) draw(FACET_SAMPLER_##sampler, FACET_##ndf, &s, job, k); \
+    }
+
+DRAW_LOOP(CAPS, GGX)
+DRAW_LOOP(BOUNDED, GGX)
+DRAW_LOOP(NDF, GGX)
+DRAW_LOOP(NDF, BECKMANN)
+DRAW_LOOP(SLOPE, GGX)
+DRAW_LOOP(SLOPE, BECKMANN)
+
+/* Whatever the surface. */
+static void draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job, size_t n)
+{
+    (void)surface;
+    for (size_t k = 0; k < n; k += LANES) {
+        struct vec3 wo = load_vec3(job->wo, k);
+        struct uniform u = load_uniform(job, 0, k);
+        struct sin_cos turn = sin_cos_turns(load_uniform(job, 1, k).u);
+        real radius = root_from_zero(u.u), up = root_from_zero(u.rest);
+        struct vec3 wi = { radius * turn.cos, radius * turn.sin, up };
+        store_vec3(job->sampled_wi, k, wi);
+        if (job->sampled_pdf) store_at(job->sampled_pdf, k, up * R(ONE_OVER_PI));
+        if (!job->sampled_h[0]) continue;
+        struct vec3 h = { wi.x + wo.x, wi.y + wo.y, wi.z + wo.z };
+        real hh = madd(h.x, h.x, madd(h.y, h.y, h.z * h.z)), inverse = rsqrt(real_max(hh, splat(REAL_MIN)));
+        mask none = less(hh, splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280))); /* wi = -wo: any h will do */
+        store_vec3(job->sampled_h, k, (struct vec3){ select(none, splat(0), h.x * inverse), select(none, splat(0), h.y * inverse),
+                                                     select(none, splat(1), h.z * inverse) });
+    }
+}
+
+/* ---- densities ------------------------------------------------------------------------------ */
+
+/* C . z + K c >= 0 of the C that makes h, times r mm: 2 (k.m) m_z - (1 - K) c mm. */
+INLINE mask below_cap(struct share share, struct direction o, struct half h)
+{
+    real mm = madd(h.x, h.x, madd(h.y, h.y, h.z * h.z));
+    real seen = madd(o.a, h.x, madd(o.b, h.y, o.c * h.z));
+    return less(2 * seen * h.z, share.cut * o.c * mm);
+}
+
+INLINE real pdf_bounded(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    struct share share = cap_share(s, t->given.wo);
+    struct fraction d = density(m, s, t->h);
+    /* What is above the horizon is never cut, however its last digits fall. */
+    mask cut = (mask)((mask)~less(splat(0), t->i.z) & below_cap(share, t->o, t->h));
+    real area = real_max(cap_area(share, t->o), splat(REAL_MIN));
+    return facing_up(t->h, select(cut, splat(0), saturated(quotient(d.num, d.den * area))));
+}
+
+/* D |h_z| / (4 |wo.h|) = D |H_z| / (2 |H|^2), h turned up. */
+INLINE real pdf_ndf(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    real facing_ = real_abs(facing(t->h));
+    real value = saturated(R(0.5) * saturated(facing_) * value_of(density(m, s, t->h)));
+    return select(less(splat(0), facing_), value, splat(0));
+}
+
+INLINE real pdf_cosine(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    (void)m, (void)s;
+    return R(ONE_OVER_PI) * real_max(t->i.z, splat(0));
+}
+
+/* fr cos theta_i / (F pdf), D gone. */
+INLINE real weight_bounded(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    struct fraction f = reflect(m, s, t->i, t->o, t->h, false);
+    return lit(t->i, t->o, ratio(cap_area(cap_share(s, t->given.wo), t->o) * f.num, f.den));
+}
+
+INLINE real weight_ndf(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    bool scaled = needs_scaling(m);
+    struct fraction f = reflect(m, s, t->i, t->o, t->h, scaled);
+    real value = saturated(2 * ratio(ratio(f.num, f.den), facing(t->h)));
+    return lit(t->i, t->o, scaled ? unscale(m, t->o, value) : value);
+}
+
+INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    return saturated(quantity_fr(m, s, t->i, t->o, t->h) * R(1 / ONE_OVER_PI));
+}
+
+#define MARK(q)                                                                                 \
+    if (!COMPENSATED) {                                                                         \
+        mask out = stray(m, &s, &t, KERNEL_##q, value);                                         \
+        value = marked(out, value);                                                             \
+        some = (mask)(some | out);                                                              \
+    }                                                                                           \
+    STORE_##q(KERNEL_##q);
+
+#define PDF_LOOP(sampler, function, ndf)                                                        \
+    LOOP(pdf_##sampler##_##ndf, ndf, SHEARED, SMITH, (void)0, {                                 \
+        real value = function(m, &s, &t);                                                       \
+        MARK(PDF)                                                                               \
+    })
+#define WEIGHT_LOOP(sampler, function, ndf, masking)                                            \
+    LOOP(weight_##sampler##_##ndf##_##masking, ndf, SHEARED, masking, (void)0, {                \
+        real value = function(m, &s, &t);                                                       \
+        MARK(WEIGHT)                                                                            \
+    })
+#include "samplers.def"
+#undef PDF_LOOP
+#undef WEIGHT_LOOP
+
+/* ---- the table ------------------------------------------------------------------------------- */
+
+extern const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA);
+const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA) = {
+    .draw = {
+        [FACET_GGX] = { [FACET_SAMPLER_CAPS] = draw_CAPS_GGX, [FACET_SAMPLER_BOUNDED] = draw_BOUNDED_GGX,
+                        [FACET_SAMPLER_SLOPE] = draw_SLOPE_GGX, [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE },
+        [FACET_BECKMANN] = { [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN, [FACET_SAMPLER_COSINE] = draw_COSINE,
+                             [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN,
+        },
+    },
+#define PDF_LOOP(sampler, function, ndf) .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,
+#define WEIGHT_LOOP(sampler, function, ndf, masking)                                            \
+    .weight[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##masking] = weight_##sampler##_##ndf##_##masking,
+#include "samplers.def"
+};
