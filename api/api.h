@@ -71,6 +71,12 @@ struct api_route {
 bool api_open(void);
 void api_close(void);
 
+/*
+ * Before the first request: the instruction set of the kernels (base, avx2, avx512), "" for the best
+ * there is.  False: no such set, or this processor does not run it.
+ */
+bool api_select_isa(const char *name);
+
 struct api_route api_lookup(const char *method, const char *path, const char *content_type);
 
 /*

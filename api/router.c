@@ -49,6 +49,11 @@ void api_close(void)
 {
 }
 
+bool api_select_isa(const char *name)
+{
+    return facet_isa_select(*name ? name : NULL) == FACET_OK;
+}
+
 /* ---- Finding the endpoint -------------------------------------------------------------- */
 
 static bool has_method(const struct endpoint *endpoint, const char *method)

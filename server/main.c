@@ -165,6 +165,10 @@ int main(int argc, char **argv)
     case OPTIONS_SERVE:
         break;
     }
+    if (!api_select_isa(options.isa)) {
+        fprintf(stderr, "facetd: --isa: this processor does not run \"%s\"; base, avx2, avx512 or nothing\n", options.isa);
+        return EXIT_USAGE;
+    }
     choose_workers(&options);
     log_open(options.log);
     if (!token_read(options.token, token, &parts.token) || !reserve_descriptors(&options)) return 1;
