@@ -190,6 +190,7 @@ INLINE real invert(const struct view *view, struct uniform u, real x)
     /* Floats of F do not tell slopes near 0 apart. */
     const real least = splat(REAL_IS_FLOAT ? R(0.5) : R(0));
     real low = view->low, high = view->high;
+    x = real_max(real_min(x, high), low);
     mask active = less(splat(0), splat(1));
     for (int step = 0; step < STEPS && any(active); step++) {
         struct cdf f = cdf_at(view, x);
@@ -206,7 +207,7 @@ INLINE real invert(const struct view *view, struct uniform u, real x)
         x = select(active, next, x);
         active &= moves & wide_open;
     }
-    return x;
+    return real_max(real_min(x, view->high), view->low);
 }
 
 /* About the normal quantile erfinv(2 u - 1), and that of exp(-x^2), x < 0 (Winitzki's form of erfinv). */
@@ -225,7 +226,7 @@ INLINE struct guess guess_of(struct uniform u)
 
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
 #define SLOPE_MAX (REAL_IS_FLOAT ? R(1e15) : R(1e140)) /* its square is finite, stretched too */
-#define SLOPE_END R(6.7)
+#define SLOPE_END (REAL_IS_FLOAT ? R(6.3) : R(6.7)) /* a float keeps the density of two such slopes */
 
 INLINE struct view view_from(struct direction o, real s)
 {

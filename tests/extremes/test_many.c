@@ -143,14 +143,17 @@ static bool sees(const facet_material *m, double x, double y, double z)
     return z > 1e-6 && z - x * r->slope_x - y * r->slope_y > 1e-6;
 }
 
+/* Of the samplers by name only that they stay finite; auto, of visible normals, owes more. */
 static size_t draw_samples(struct rng *rng, const facet_brdf *brdf, const facet_material *m, facet_tier tier, const struct pairs *p)
 {
+    facet_sampler sampler = pick(rng, 2) ? FACET_SAMPLER_AUTO : (facet_sampler)pick(rng, FACET_SAMPLER_COUNT);
+    if (!facet_sampler_serves(sampler, m->ndf)) sampler = FACET_SAMPLER_AUTO;
     static double u[2][PAIRS], wi[3][PAIRS], weight[PAIRS], pdf[PAIRS];
     for (size_t k = 0; k < PAIRS; k++) any_uniform(rng, &u[0][k]), any_uniform(rng, &u[1][k]);
     facet_samples s = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight}, .pdf = pdf};
     double bound = 0;
-    bool promised = facet_sample_bound(brdf, tier, 0, &bound) && bound < 0.1;
-    if (facet_sample(brdf, tier, (facet_vec3_in){p->d[3], p->d[4], p->d[5]}, u[0], u[1], PAIRS, &s) != FACET_OK) return 0;
+    bool promised = sampler == FACET_SAMPLER_AUTO && facet_sample_bound(brdf, tier, sampler, 0, &bound) && bound < 0.1;
+    if (facet_sample(brdf, tier, sampler, (facet_vec3_in){p->d[3], p->d[4], p->d[5]}, u[0], u[1], PAIRS, &s) != FACET_OK) return 0;
     bool energy = m->shear == FACET_ENERGY_SAFE && m->masking == FACET_SMITH && m->fresnel.kind != FACET_FRESNEL_TABLE;
     for (size_t k = 0; k < PAIRS; k++) {
         double size = hypot(hypot(wi[0][k], wi[1][k]), wi[2][k]);
