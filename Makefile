@@ -39,8 +39,10 @@ KFLAGS := -O2 -g1 -ffp-contract=off -fno-math-errno -fno-trapping-math
 # Instrumented builds look for faults, not speed.
 ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
 KFLAGS := -O1 -ffp-contract=off -fno-math-errno
-ISAS   := $(filter-out avx512,$(ISAS))
+ISAS   := $(filter-out avx2 avx512,$(ISAS))
 endif
+# A kernel shares nothing: threads have nothing to find in it, and instrumented vectors take minutes to compile.
+KERNEL_VFLAGS := $(if $(filter tsan,$(VARIANT)),,$(VFLAGS))
 KERNELS := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(B)/lib/kernel/$k-$f-$i.o)))
 
 # ---- layers: what each may include and link -------------------------------------
@@ -82,7 +84,7 @@ $(B)/%.a:
 define kernel
 $(B)/lib/kernel/$4-$1-$2-$3.o: lib/kernel/$4.c Makefile
 	@mkdir -p $$(@D)
-	$$(CC) $$(BASE) $$(CFLAGS) $$(VFLAGS) $$(KFLAGS) $$(ISA_$3) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_IO=$2 -DFACET_IO_$2=1 -DFACET_ISA=$3 -MMD -MP -c -o $$@ $$<
+	$$(CC) $$(BASE) $$(CFLAGS) $$(KERNEL_VFLAGS) $$(KFLAGS) $$(ISA_$3) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_IO=$2 -DFACET_IO_$2=1 -DFACET_ISA=$3 -MMD -MP -c -o $$@ $$<
 endef
 $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i,$k)))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'

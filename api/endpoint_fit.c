@@ -216,6 +216,6 @@ const struct endpoint api_endpoint_fit = {
     .answers = answers,
     .is_long = true,
     .example = "{\"source\":{\"ndf\":\"beckmann\",\"alpha\":0.15},\"model\":\"tabulated\","
-               "\"diffuse\":false,\"resolution\":24}",
+               "\"diffuse\":\"false\",\"resolution\":24}",
     .handle = handle,
 };
