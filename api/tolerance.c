@@ -6,7 +6,7 @@
 
 enum { DIGITS_MAX = 17 };
 
-/* In the order of facet_tier; tests/unit/test_api.c compares with facet_tier_name. */
+/* In the order of facet_tier; tests/unit/test_contract.c compares with facet_tier_name. */
 const char *const api_tier_names[] = {"draft", "fast", "exact32", "precise", NULL};
 
 _Static_assert(FACET_TIER_COUNT == sizeof api_tier_names / sizeof *api_tier_names - 1,
@@ -93,5 +93,10 @@ bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, co
         return api_problem_at(problem, &at,
                               "%.3g cannot be promised for this request; the best bound is %.3g",
                               tolerance, best);
+    if (forced)
+        return api_problem_at(problem, &at,
+                              "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
+                              "that does is taken (/v1/capabilities: where each holds)",
+                              api_tier_names[request->tier]);
     return api_problem_at(problem, &at, "no bound can be promised for this request");
 }
