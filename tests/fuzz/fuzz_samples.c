@@ -18,6 +18,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct arena arena;
     struct problem problem = {0};
+    struct document document = {0};
     struct holder holder;
     struct measurement m;
     static bool is_open;
@@ -26,13 +27,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct decoder decoder = {&arena, &problem};
     struct place place = {NULL, "samples", 0};
     api_field_clear(fields, &holder);
-    json_t *json = api_json_parse((const char *)data, size, &problem);
-    if (json && api_decode(json, fields, &holder, NULL, &decoder) &&
+    if (api_json_read(data, size, &arena, &problem, &document) &&
+        api_decode(document.root, fields, &holder, NULL, &decoder) &&
         api_samples_open(holder.samples, &place, &decoder, &m))
         fuzz_ask(&m.source);
     else if (!problem.status)
         abort();
-    json_decref(json);
+    json_decref(document.root);
     api_arena_close(&arena);
     return 0;
 }
