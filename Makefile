@@ -35,15 +35,19 @@ ISA_avx2   := -mavx2 -mfma
 ISA_avx512 := -mavx512f -mavx512dq -mavx512vl -mavx512bw -mfma -mprefer-vector-width=512
 endif
 # No contraction (what is fused is written so), never -ffast-math (it breaks NaN handling and error-free sums).
-KFLAGS := -O2 -g1 -ffp-contract=off -fno-math-errno -fno-trapping-math
-# Instrumented builds look for faults, not speed.
+KFLAGS         := -g1 -ffp-contract=off -fno-math-errno
+KFLAGS_release := $(release) $(KFLAGS) -fno-trapping-math
+KFLAGS_own     := $(if $(filter release clang,$(VARIANT)),$(VFLAGS) $(KFLAGS) -fno-trapping-math,$(VFLAGS) -O1 $(KFLAGS))
+# Instrumented builds look for faults, not speed, and instrumented vectors take minutes to compile: asan
+# has its own of two tiers, whose sources are those of all; a kernel shares nothing, so tsan has none.
+# The others are those of release.
 ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
-KFLAGS := -O1 -ffp-contract=off -fno-math-errno
 ISAS   := $(filter-out avx2 avx512,$(ISAS))
 endif
-# A kernel shares nothing: threads have nothing to find in it, and instrumented vectors take minutes to compile.
-KERNEL_VFLAGS := $(if $(filter tsan,$(VARIANT)),,$(VFLAGS))
-KERNELS := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(B)/lib/kernel/$k-$f-$i.o)))
+OWN_asan := fast-float fast-double precise-double
+OWN      := $(if $(filter asan tsan,$(VARIANT)),$(OWN_$(VARIANT)),$(KERNEL_FORMS))
+kernel_of = $(if $(filter $2,$(OWN)),$(B),build/release)/lib/kernel/$1-$2-$3.o
+KERNELS  := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(call kernel_of,$k,$f,$i))))
 
 # ---- layers: what each may include and link -------------------------------------
 obj     = $(patsubst %.c,$(B)/%.o,$(wildcard $1/*.c))
@@ -67,6 +71,11 @@ TESTS_ONCE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/unit/test_*.c))
 # tests/server: a test program that talks to the daemon, built once with the API and once with a
 # stand-in (fake_api.c) whose requests take exactly as long as a test says.
 TESTS_SERVER := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/server/test_*.c))
+# Where threads are looked at, only programs that have some run; the cases go through that daemon too.
+ifeq ($(VARIANT),tsan)
+TESTS_ISA  :=
+TESTS_ONCE := $(B)/tests/unit/test_share
+endif
 TESTS   := $(TESTS_ISA) $(TESTS_ONCE) $(TESTS_SERVER)
 
 all: $(B)/facetd
@@ -82,11 +91,11 @@ $(B)/%.a:
 	ar rcs $@ $^
 
 define kernel
-$(B)/lib/kernel/$4-$1-$2-$3.o: lib/kernel/$4.c Makefile
+$(call kernel_of,$1,$2-$3,$4): lib/kernel/$1.c Makefile
 	@mkdir -p $$(@D)
-	$$(CC) $$(BASE) $$(CFLAGS) $$(KERNEL_VFLAGS) $$(KFLAGS) $$(ISA_$3) -Ilib -DFACET_TIER=$1 -DFACET_TIER_$1=1 -DFACET_IO=$2 -DFACET_IO_$2=1 -DFACET_ISA=$3 -MMD -MP -c -o $$@ $$<
+	$$(CC) $$(BASE) $$(CFLAGS) $(if $(filter $2-$3,$(OWN)),$$(KFLAGS_own),$$(KFLAGS_release)) $$(ISA_$4) -Ilib -DFACET_TIER=$2 -DFACET_TIER_$2=1 -DFACET_IO=$3 -DFACET_IO_$3=1 -DFACET_ISA=$4 -MMD -MP -c -o $$@ $$<
 endef
-$(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i,$k)))))
+$(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$k,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i)))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'
 
 $(B)/%.o: %.c Makefile
@@ -184,8 +193,7 @@ bench-leadr: all $(MAKE_MAP) ## seconds and memory of map filtering through HTTP
 # CHECK_ISAS=best: only the best instruction set this processor has.
 CHECK_ISAS ?= $(ISAS)
 check: $(TESTS) check-layers
-	@for t in $(TESTS_ONCE) $(TESTS_SERVER); do $$t || echo "FAIL $$t (exit $$?)"; done
-	@for t in $(TESTS_ISA); do for i in $(CHECK_ISAS); do FACET_ISA=$$i $$t || echo "FAIL $$t $$i (exit $$?)"; done; done
+	@tests/check.sh $(shell nproc 2>/dev/null || echo 2) '$(CHECK_ISAS)' $(TESTS_ONCE) $(TESTS_SERVER) -- $(TESTS_ISA)
 
 # lib knows libc and libm; api knows no transport; kernels call nothing; each exports its own prefix only
 check-layers: $(B)/libfacet.a $(B)/libapi.a
@@ -308,4 +316,4 @@ deps-check: $(B)/facetd
 clean: ; rm -rf build
 .PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http
 .SECONDARY:
--include $(shell find $(B) -name '*.d' 2>/dev/null)
+-include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

@@ -118,7 +118,7 @@ step packages     make -s deps-check
 step gcc          check
 step clang        check VARIANT=clang CHECK_ISAS=best
 step asan         env FACET_TEST_SCALE=0.1 make -s -j"$jobs" check VARIANT=asan CHECK_ISAS=best
-step tsan         env FACET_TEST_SCALE=0.05 make -s -j"$jobs" check VARIANT=tsan CHECK_ISAS=best
+step tsan         check VARIANT=tsan
 step daemons      daemons
 step cases        cases release
 step abuse        abuse release yes

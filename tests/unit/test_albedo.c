@@ -404,7 +404,7 @@ TEST(the_mean_is_the_mean)
 {
     make_rule();
     facet_albedo_value value;
-    for (int k = 0; k < 4; k += 3) {
+    for (size_t i = 0, k = 0; i < draw_count(2); k = 3 * ++i) {
         facet_material m = {.ndf = (facet_ndf)(k % 2), .roughness = surfaces[k / 2], .fresnel = terms[k]};
         CHECK_INT(mean_of(&m, 1e-8, &value), FACET_OK);
         double exact = integral(mean_at, &m, 0, 0.1, 1e-10) + integral(mean_at, &m, 0.1, 1, 1e-10);
