@@ -1,0 +1,22 @@
+/*
+ * reference_transmission.h - a rough dielectric in quadruple precision, from Walter et al. 2007 as
+ * printed (eqs. 16, 20, 21): no point reflection, F from its amplitudes and 1 - F by subtraction.
+ */
+#ifndef REFERENCE_TRANSMISSION_H
+#define REFERENCE_TRANSMISSION_H
+
+#include "facet_transmission.h"
+#include "reference.h"
+
+struct reference_bsdf {
+    quad of[FACET_QUANTITY_COUNT];
+    quad reflected, transmitted; /* densities of the lobes */
+};
+
+void reference_bsdf(const facet_material *material, facet_transport transport, const double wi[3],
+                    const double wo[3], struct reference_bsdf *result);
+
+/* Gamma(1 + a) Gamma(1 + b) / Gamma(1 + a + b). */
+quad reference_opposite(quad a, quad b);
+
+#endif
