@@ -73,3 +73,20 @@ void reference_bsdf(const facet_material *m, facet_transport transport, const do
     r->of[FACET_F] = F;
     r->of[FACET_SIGMA_O] = so;
 }
+
+bool reference_bsdf_sample(const facet_material *m, const double wo_[3], const double u[3], quad wi[3])
+{
+    double turn = wo_[2] < 0 ? -1 : 1;
+    const double wo[3] = {turn * wo_[0], turn * wo_[1], turn * wo_[2]};
+    facet_material ideal = *m;
+    ideal.fresnel.kind = FACET_FRESNEL_IDEAL;
+    struct reference_sample s;
+    reference_sample(&ideal, wo, u[0], u[1], &s);
+    quad eta = m->fresnel.eta[0], n = turn > 0 ? eta : 1 / eta, c = 0;
+    for (int j = 0; j < 3; j++) c += s.h[j] * wo[j];
+    quad g2 = n * n - 1 + c * c, g = g2 > 0 ? sqrtq(g2) : 0;
+    quad rs = (c - g) / (c + g), rp = (n * n * c - g) / (n * n * c + g), F = g2 > 0 ? (rs * rs + rp * rp) / 2 : 1;
+    if (fabsq(F - u[2]) < 1e-5Q) return false; /* rounding may choose the other lobe */
+    for (int j = 0; j < 3; j++) wi[j] = turn * (u[2] < F ? s.wi[j] : -(wo[j] + (g - c) * s.h[j]) / n);
+    return true;
+}

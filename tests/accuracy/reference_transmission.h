@@ -16,6 +16,12 @@ struct reference_bsdf {
 void reference_bsdf(const facet_material *material, facet_transport transport, const double wi[3],
                     const double wo[3], struct reference_bsdf *result);
 
+/*
+ * wi of the same numbers: the reference's normal, Snell's law, F from its amplitudes.  False where F is so
+ * close to u[2] that rounding may choose the other lobe.
+ */
+bool reference_bsdf_sample(const facet_material *material, const double wo[3], const double u[3], quad wi[3]);
+
 /* Gamma(1 + a) Gamma(1 + b) / Gamma(1 + a + b). */
 quad reference_opposite(quad a, quad b);
 

@@ -7,8 +7,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 static const char *const names[] = {
 #define QUANTITY(id, name, coloured, doc) name,
@@ -100,6 +98,36 @@ TEST(quantities_across_the_surface)
             draw_across(&rng, &m, wi, wo);
             check_pair(bsdf, &m, wi, wo);
         }
+        facet_bsdf_destroy(bsdf);
+    }
+}
+
+TEST(samples_where_they_belong)
+{
+    struct rng rng;
+    rng_seed(&rng, 12);
+    for (size_t k = 0, n = draw_count(1500); k < n; k++) {
+        facet_material m = draw_glass(&rng);
+        facet_bsdf *bsdf;
+        double wo[3], wi[3], bound, u[3];
+        quad exact[3];
+        CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_OK);
+        draw_direction(&rng, 1e-3, wo);
+        for (int j = 0; j < 3; j++) u[j] = 1e-3 + 0.998 * rng_uniform(&rng);
+        double turn = rng_uniform(&rng) < 0.5 ? -1 : 1;
+        for (int j = 0; j < 3; j++) wo[j] *= turn;
+        facet_vec3_in o = {&wo[0], &wo[1], &wo[2]};
+        facet_samples samples = {.wi = {&wi[0], &wi[1], &wi[2]}};
+        bool promised = facet_bsdf_sample_bound(bsdf, (turn > 0) == (m.fresnel.eta[0] < 1), 0, &bound);
+        CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples), FACET_OK);
+        if (promised && reference_bsdf_sample(&m, wo, u, exact))
+            for (int j = 0; j < 3; j++) {
+                double error = fabs((double)(wi[j] - exact[j]));
+                check_note("error over bound", error / bound);
+                if (!(error <= bound))
+                    check_fail(__FILE__, __LINE__, "wi[%d] is off by %.3g, bound %.3g; eta %.17g wo %.17g %.17g %.17g u %g %g %g\n %s", j, error, bound,
+                               m.fresnel.eta[0], wo[0], wo[1], wo[2], u[0], u[1], u[2], draw_text(&m));
+            }
         facet_bsdf_destroy(bsdf);
     }
 }
