@@ -4,6 +4,7 @@
 #include "evaluate.h"
 #include "facet_albedo.h"
 #include "limits.h"
+#include "transmission.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -171,7 +172,9 @@ static bool prepare(struct call *call, struct job *job)
     if (job->count > LIMIT_ALBEDO_DIRECTIONS)
         return api_problem_at(call->problem, &wo, "%zu directions are outside [1, %d]", job->count,
                               LIMIT_ALBEDO_DIRECTIONS);
-    if (!api_material_open(&in->material, &material, &decoder, &job->surface)) return false;
+    if (!api_material_open(&in->material, &material, &decoder, &job->surface) ||
+        !api_transmission_refuse(&in->material, &material, "has no albedo yet", call->problem))
+        return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
     if (!job->channels) return false;
     for (int k = 0; k < 3; k++)

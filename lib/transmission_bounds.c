@@ -67,8 +67,8 @@ bool facet_bsdf_bound(const facet_bsdf *b, facet_quantity quantity, double input
     bool has_fresnel = quantity == FACET_FR || quantity == FACET_FR_COS || quantity == FACET_PDF || quantity == FACET_F;
     for (int i = 0; i < SIDES && has_fresnel; i++) {
         double of_side;
-        if (!facet_bound(b->side[i].brdf, FACET_PRECISE, FACET_F, input_error, &of_side)) return false;
-        fresnel = fmax(fresnel, of_side);
+        if (!facet_bound(b->side[i].brdf, FACET_PRECISE, FACET_F, 0, &of_side)) return false;
+        fresnel = fmax(fresnel, of_side + 8 * input_error); /* next to the critical angle: closeness_same */
     }
     *bound = fmax(same + fresnel, across) + DBL_EPSILON;
     return isfinite(*bound);
@@ -96,12 +96,24 @@ static double closeness_across(const facet_bsdf *b, const double wi[3], const do
     return worst * (1 + n) / length;
 }
 
+/*
+ * F of the index n at c is that of 1/n at g/n, whose relative slope is at most 8: c/(g n) times that at c.
+ * Closer to the critical angle than the error itself the root of it is what F is off by; hence the 4.
+ */
+static double closeness_same(const facet_bsdf *b, const double wi[3], const double wo[3])
+{
+    const struct side *side = &b->side[facet_side(wo[2])];
+    double hh = 0;
+    for (int j = 0; j < 3; j++) hh += (wi[j] + wo[j]) * (wi[j] + wo[j]);
+    return side->excess < 0 ? 4 / (side->index * sqrt(fabs(side->excess + hh / 4))) : 1;
+}
+
 double facet_bsdf_closeness(const facet_bsdf *b, facet_vec3_in wi, facet_vec3_in wo, size_t n, bool exact_z)
 {
     double worst = facet_closeness(b->ideal, wi, wo, n, exact_z);
     for (size_t i = 0; i < n; i++) {
         const double from[3] = { wi.x[i], wi.y[i], wi.z[i] }, to[3] = { wo.x[i], wo.y[i], wo.z[i] };
-        worst = fmax(worst, closeness_across(b, from, to, exact_z));
+        worst = fmax(worst, fmax(closeness_same(b, from, to), closeness_across(b, from, to, exact_z)));
     }
     return worst;
 }
