@@ -27,7 +27,7 @@
 #ifndef FACET_TRANSMISSION_H
 #define FACET_TRANSMISSION_H
 
-#include "facet.h"
+#include "facet_albedo.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -81,6 +81,13 @@ double facet_bsdf_closeness(const facet_bsdf *bsdf, facet_vec3_in wi, facet_vec3
  * critical angle like a square root and is right to the root of what its normal is right to.
  */
 bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, bool dense, double input_error, double *bound);
+
+/*
+ * Integrals of fr cos theta_i over wi on the side of each of n wo and on the other, as facet_albedo
+ * (which see); value[0] and error[0] alone.  Their sum with FACET_IMPORTANCE is 1 minus what masking loses.
+ */
+facet_status facet_bsdf_albedo(const facet_bsdf *bsdf, facet_vec3_in wo, size_t n, const facet_albedo_options *options,
+                               facet_albedo_value *reflected, facet_albedo_value *transmitted, size_t *evaluations);
 
 #ifdef __cplusplus
 }

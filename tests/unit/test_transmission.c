@@ -6,11 +6,11 @@
 #include "check.h"
 #include "draw.h"
 #include "facet_transmission.h"
+#include "integrate.h"
 #include "normals.h"
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -199,6 +199,77 @@ TEST(reflected_transmitted_and_lost_are_one)
                                indices[k], draw_text(&m));
                 facet_bsdf_destroy(bsdf);
             }
+}
+
+/* What masking takes, by adaptive quadrature of the textbook alone: edges and all. */
+struct loss {
+    const facet_material *m;
+    struct normals_map map;
+    double wo[3], lo, c_mean, n, p;
+    struct integrate_panel inner[64], outer[64];
+};
+
+static facet_status loss_across(void *user, const double at[INTEGRATE_POINTS], struct integral of[INTEGRATE_POINTS])
+{
+    struct loss *l = user;
+    for (int i = 0; i < INTEGRATE_POINTS; i++) {
+        struct normals_node node = normals_at(&l->map, l->p, at[i]);
+        double c = node.cosine, same[3];
+        for (int j = 0; j < 3; j++) same[j] = 2 * c * node.h[j] - l->wo[j];
+        struct split x = split_at(l->m, l->wo, l->lo, l->n, c, same, node.h);
+        double seen = node.area * density(l->m, node.h) * c / (l->c_mean * (1 + l->lo));
+        double value = seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
+        of[i] = (struct integral){{isfinite(value) ? value : 0}, {0}};
+    }
+    return FACET_OK;
+}
+
+static facet_status loss_along(void *user, const double at[INTEGRATE_POINTS], struct integral of[INTEGRATE_POINTS])
+{
+    struct loss *l = user;
+    static const double ends[] = {0, 0.5, 1};
+    for (int i = 0; i < INTEGRATE_POINTS; i++) {
+        const struct integrate rule = {.fn = loss_across, .user = l, .values = 1, .absolute = {1e-7}, .panel = l->inner, .panels = 64};
+        l->p = at[i];
+        facet_status status = facet_integrate(&rule, ends, 3, &of[i]);
+        if (status) return status;
+    }
+    return FACET_OK;
+}
+
+static double lost_of(const facet_material *m, const double wo[3])
+{
+    static const double ends[] = {0, 1};
+    struct loss l = {.m = m, .n = wo[2] < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0]};
+    struct integral sum;
+    for (int j = 0; j < 3; j++) l.wo[j] = wo[2] < 0 ? -wo[j] : wo[j];
+    l.map = normals_map(m, l.wo);
+    l.lo = lambda(m, l.wo);
+    l.c_mean = l.wo[2] - l.wo[0] * m->roughness.slope_x - l.wo[1] * m->roughness.slope_y;
+    const struct integrate rule = {.fn = loss_along, .user = &l, .values = 1, .absolute = {3e-7}, .panel = l.outer, .panels = 64};
+    CHECK_INT(facet_integrate(&rule, ends, 2, &sum), FACET_OK);
+    check_note("of lost", sum.error[0]);
+    return sum.value[0];
+}
+
+/* The service's own quadrature, and that of the textbook's losses. */
+TEST(albedo_of_both_sides)
+{
+    static const int chosen[][2] = {{0, 1}, {0, 2}, {1, 0}, {2, 2}, {2, 3}};
+    const facet_albedo_options options = {.tolerance = 1e-7, .evaluations_max = 1 << 22};
+    for (size_t k = 0; k < sizeof chosen / sizeof *chosen; k++) {
+        double wo[3];
+        facet_albedo_value reflected, transmitted;
+        facet_material m = glass_of(chosen[k][0], (chosen[k][0] + chosen[k][1]) % INDICES, chosen[k][1], wo);
+        facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
+        CHECK_INT(facet_bsdf_albedo(bsdf, (facet_vec3_in){&wo[0], &wo[1], &wo[2]}, 1, &options, &reflected, &transmitted, NULL), FACET_OK);
+        double sum = reflected.value[0] + transmitted.value[0] + lost_of(&m, wo);
+        check_note("1 - sum", fabs(sum - 1));
+        check_note("claimed", reflected.error[0] + transmitted.error[0]);
+        CHECK(reflected.error[0] + transmitted.error[0] < 1e-6);
+        if (!(fabs(sum - 1) < 1e-6)) check_fail(__FILE__, __LINE__, "the sum is 1 %+.3g: %s", sum - 1, draw_text(&m));
+        facet_bsdf_destroy(bsdf);
+    }
 }
 
 /* Where no edge (the horizon, the critical angle) crosses the sphere a fixed rule is enough. */
