@@ -55,6 +55,8 @@ static bool is_absent(const struct field *field, const void *object)
         return isnan(*(const double *)at);
     case FIELD_INTEGER:
         return *(const int64_t *)at == -1;
+    case FIELD_BOOL:
+        return field->presence == FIELD_DEFAULT && !*(const bool *)at;
     case FIELD_ENUM:
     case FIELD_UNION:
         return *(const int *)at < 0;

@@ -4,6 +4,7 @@
 #include "evaluate.h"
 #include "facet_albedo.h"
 #include "limits.h"
+#include "transmission.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -19,7 +20,7 @@ struct albedo_request {
 };
 
 struct albedo_response {
-    struct text *albedo;
+    struct text *albedo, *transmitted;
     struct colour average;
     int64_t count;
     struct accuracy accuracy;
@@ -42,7 +43,11 @@ static const struct field request_fields[] = {
 
 static const struct field response_fields[] = {
     {MEMBER(struct albedo_response, albedo), FIELD_PRINTED,
-     .doc = "integral of fr cos(theta_i) over wi, for each wo; 0 below the horizon"},
+     .doc = "integral of fr cos(theta_i) over wi, for each wo; 0 below the horizon. With transmission: "
+            "over wi on wo's side, whichever it is"},
+    {MEMBER(struct albedo_response, transmitted), FIELD_PRINTED,
+     .doc = "with transmission: the same over wi on the other side. With transport importance the two "
+            "add up to 1 minus what masking loses"},
     {MEMBER(struct albedo_response, average), FIELD_COLOUR, .min = 0, .max = 0x1p1000,
      .doc = "1/pi integral of albedo cos(theta_o) over wo"},
     COUNT_FIELD(struct albedo_response),
@@ -56,10 +61,10 @@ struct job {
     struct plan wo;
     size_t count, channels;
     double *from[3];
-    facet_albedo_value *value, mean;
+    facet_albedo_value *value, *transmitted, mean; /* transmitted NULL without transmission */
     double bound;
     struct promise promise;
-    struct results results;
+    struct results results, beyond; /* of albedo, of transmitted */
 };
 
 /*
@@ -69,8 +74,8 @@ struct job {
 static double direction_error(const struct job *job, size_t i)
 {
     const facet_roughness *r = &job->surface.facet.roughness;
-    double lean = fabs(r->slope_x) + fabs(r->slope_y), z = job->from[2][i];
-    double c = z - job->from[0][i] * r->slope_x - job->from[1][i] * r->slope_y;
+    double lean = fabs(r->slope_x) + fabs(r->slope_y), z = fabs(job->from[2][i]);
+    double c = job->from[2][i] - job->from[0][i] * r->slope_x - job->from[1][i] * r->slope_y;
     double scale = fmax(fmin(z, fabs(c)), facet_roughness_to_ellipse(r).alpha_2);
     return job->wo.input_error * 16 * (1 + lean) / fmin(scale, 1);
 }
@@ -102,7 +107,9 @@ static bool compute(struct call *call, struct job *job)
     };
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     double start = api_clock();
-    facet_status status = facet_albedo(&job->surface.facet, wo, job->count, &options, job->value, &spent);
+    facet_status status =
+        job->transmitted ? facet_bsdf_albedo(job->surface.bsdf, wo, job->count, &options, job->value, job->transmitted, &spent)
+                         : facet_albedo(&job->surface.facet, wo, job->count, &options, job->value, &spent);
     options.evaluations_max = LIMIT_ALBEDO_EVALUATIONS / 2;
     if (!status && job->in->average)
         status = facet_albedo_average(&job->surface.facet, &options, &job->mean, &mean);
@@ -110,8 +117,10 @@ static bool compute(struct call *call, struct job *job)
     trace->evaluations += spent + mean;
     if (status) return api_problem_status(call->problem, status, NULL);
     for (size_t i = 0; i < job->count; i++) {
-        if (!(job->from[2][i] > 0)) continue;
+        double z = job->from[2][i];
+        if (!(job->transmitted ? z != 0 : z > 0)) continue;
         widen(job, &job->value[i], direction_error(job, i));
+        if (job->transmitted) widen(job, &job->transmitted[i], direction_error(job, i));
         add_diffuse(job, &job->value[i]);
     }
     if (job->in->average) {
@@ -137,17 +146,25 @@ static bool promise(struct call *call, struct job *job)
     return true;
 }
 
-static bool print(struct call *call, struct job *job, struct albedo_response *out)
+static bool print_values(struct call *call, struct job *job, facet_albedo_value *values, struct results *results)
 {
-    api_results_open(&job->results, call->arena, job->channels, job->in->flat, job->promise.digits);
+    api_results_open(results, call->arena, job->channels, job->in->flat, job->promise.digits);
     for (size_t i = 0; i < job->count; i++) {
-        double *v = job->value[i].value, *rest = job->surface.channels == 3 ? v + 1 : v;
+        double *v = values[i].value, *rest = job->surface.channels == 3 ? v + 1 : v;
         double *columns[3] = {v, rest, job->surface.channels == 3 ? v + 2 : v};
-        if (!api_results_add(&job->results, columns, 1))
+        if (!api_results_add(results, columns, 1))
             return api_problem(call->problem, 500, "the albedo of direction %zu is not finite", i);
     }
-    api_results_close(&job->results);
+    api_results_close(results);
+    return true;
+}
+
+static bool print(struct call *call, struct job *job, struct albedo_response *out)
+{
+    if (!print_values(call, job, job->value, &job->results)) return false;
     if (job->count) out->albedo = &job->results.text;
+    if (job->transmitted && !print_values(call, job, job->transmitted, &job->beyond)) return false;
+    if (job->transmitted) out->transmitted = &job->beyond.text;
     if (!job->in->average) return true;
     out->average.channels = job->channels;
     for (size_t c = 0; c < job->channels; c++) { /* to the same digits */
@@ -171,7 +188,9 @@ static bool prepare(struct call *call, struct job *job)
     if (job->count > LIMIT_ALBEDO_DIRECTIONS)
         return api_problem_at(call->problem, &wo, "%zu directions are outside [1, %d]", job->count,
                               LIMIT_ALBEDO_DIRECTIONS);
-    if (!api_material_open(&in->material, &material, &decoder, &job->surface)) return false;
+    if (!api_material_open(&in->material, &material, &decoder, &job->surface) ||
+        (in->average && !api_transmission_refuse(&in->material, &material, "has no average", call->problem)))
+        return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
     if (!job->channels) return false;
     for (int k = 0; k < 3; k++)
@@ -179,6 +198,8 @@ static bool prepare(struct call *call, struct job *job)
             return api_problem_memory(call->problem);
     job->value = api_arena_array(call->arena, job->count + 1, sizeof *job->value);
     if (!job->value) return api_problem_memory(call->problem);
+    if (job->surface.bsdf && !(job->transmitted = api_arena_array(call->arena, job->count + 1, sizeof *job->transmitted)))
+        return api_problem_memory(call->problem);
     if (has_wo) api_plan_fill(&job->wo, 0, job->count, job->from[0], job->from[1], job->from[2]);
     return true;
 }

@@ -10,6 +10,7 @@ struct model {
     const char *ndf;
     const char *sampler; /* NULL: cannot be sampled */
     uint32_t samplers, masking, shear;
+    bool transmission;
 };
 
 struct promise_of_quantity {
@@ -51,6 +52,9 @@ static const struct field model_fields[] = {
      .doc = "all the ways it can be sampled, if it can be"},
     {F(model, masking), FIELD_SET, FIELD_MUST, .names = api_masking_names, .doc = "maskings"},
     {F(model, shear), FIELD_SET, FIELD_MUST, .names = api_shear_names, .doc = "forms of shear"},
+    {F(model, transmission), FIELD_BOOL, FIELD_MUST,
+     .doc = "also as a rough dielectric with transmission: precise, smith maskings, energy_safe, "
+            "visible normals"},
     {0},
 };
 
@@ -120,7 +124,8 @@ static bool list_models(struct call *call, struct list *out)
         models[i] = (struct model){api_ndf_names[i],
                                    best == FACET_SAMPLER_AUTO ? NULL : api_sampler_names[best],
                                    api_samplers((facet_ndf)i), all_of(api_masking_names),
-                                   all_of(api_shear_names)};
+                                   all_of(api_shear_names),
+                                   facet_bsdf_sampler_serves(FACET_SAMPLER_AUTO, (facet_ndf)i)};
     }
     *out = (struct list){FACET_NDF_COUNT, models};
     return true;

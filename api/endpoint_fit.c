@@ -9,6 +9,7 @@
 #include "measurement.h"
 #include "picture.h"
 #include "samples.h"
+#include "transmission.h"
 
 #include <math.h>
 #include <string.h>
@@ -79,7 +80,9 @@ static bool open_material(struct call *call, struct surface *surface, struct mea
     const struct fit_request *in = call->in;
     struct decoder decoder = {call->arena, call->problem};
     struct place place = {NULL, "source", 0};
-    if (!api_material_open(in->source, &place, &decoder, surface)) return false;
+    if (!api_material_open(in->source, &place, &decoder, surface) ||
+        !api_transmission_refuse(in->source, &place, "is not fitted", call->problem))
+        return false;
     const facet_roughness *r = &surface->facet.roughness;
     if (r->slope_x != 0 || r->slope_y != 0)
         return api_problem_at(call->problem, &place,

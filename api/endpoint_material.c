@@ -21,7 +21,7 @@ struct material_response {
     struct bivariate bivariate;
     struct ellipse ellipse;
     struct numbers mean_slope, mean_normal, moments;
-    bool isotropic, central, coloured;
+    bool isotropic, central, coloured, transmission;
     struct list clamped;
     const char *note;
 };
@@ -73,6 +73,8 @@ static const struct field response_fields[] = {
     {O(isotropic), FIELD_BOOL, FIELD_MUST, .doc = "alpha_1 = alpha_2"},
     {O(central), FIELD_BOOL, FIELD_MUST, .doc = "the mean slope is 0"},
     {O(coloured), FIELD_BOOL, FIELD_MUST, .doc = "fr, fr_cos and F are [r,g,b]"},
+    {O(transmission), FIELD_BOOL, FIELD_DEFAULT,
+     .doc = "wi and wo may lie on either side of the surface"},
     {O(clamped), FIELD_LIST, FIELD_MUST, .fields = clamped_fields, .size = sizeof(struct clamped),
      .doc = "members the service changed; what is out of range is refused instead"},
     {O(note), FIELD_TEXT, .doc = "what was made of the base"},
@@ -103,6 +105,7 @@ static bool describe(struct call *call, const struct surface *surface, const str
     out->isotropic = r->alpha_x == r->alpha_y && r->rho == 0;
     out->central = x == 0 && y == 0;
     out->coloured = surface->channels == 3;
+    out->transmission = surface->bsdf != NULL;
     out->clamped.items = "";
     /* As they came, where they are the material's own. */
     const bool own = in->moments.values && !in->base && !in->jacobian.values && isnan(in->height_scale);

@@ -2,6 +2,7 @@
 #include "endpoint.h"
 #include "evaluate.h"
 #include "sampler.h"
+#include "transmission.h"
 
 struct pdf_request {
     struct material material;
@@ -50,7 +51,7 @@ static bool handle(struct call *call)
     };
     facet_ndf ndf = (facet_ndf)in->material.ndf;
     if (!api_sampler(in->sampler, ndf, call->problem, &evaluation.sampler) ||
-        !api_evaluate(call, &evaluation))
+        !api_transmission_sampler(&in->material, evaluation.sampler, call->problem) || !api_evaluate(call, &evaluation))
         return false;
     out->sampler = api_sampler_names[evaluation.sampler];
     out->pdf = evaluation.of[FACET_PDF];

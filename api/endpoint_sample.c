@@ -3,8 +3,10 @@
 #include "endpoint.h"
 #include "evaluate.h"
 #include "limits.h"
+#include "random.h"
 #include "sampler.h"
 #include "sequence.h"
+#include "transmission.h"
 
 #include <math.h>
 #include <string.h>
@@ -17,6 +19,7 @@ struct sample_request {
     struct material material;
     struct directions wo;
     struct sent_numbers u; /* pairs */
+    struct numbers u_lobe;
     int64_t n, seed;
     int pairing, sampler, sequence;
     uint32_t outputs;
@@ -40,11 +43,14 @@ static const struct field request_fields[] = {
     DIRECTIONS_FIELD(struct sample_request, wo, FIELD_MUST, "towards the viewer"),
     {R(u), FIELD_VECTORS, .width = 2, .min = 0, .max = 1, .open_max = true, .min_items = 1,
      .max_items = LIMIT_EVALUATIONS, .as_sent = true, .doc = "[u1,u2] per sample; pairs with wo as pairing says"},
+    {R(u_lobe), FIELD_NUMBERS, .min = 0, .max = 1, .open_max = true, .min_items = 1, .max_items = LIMIT_EVALUATIONS,
+     .doc = "with u and a material with transmission: one number per element of u, which reflects where it is "
+            "below F(theta_d) and else refracts"},
     {R(n), FIELD_INTEGER, .min = 1, .max = LIMIT_EVALUATIONS,
      .doc = "instead of u: samples per wo, all those of the first wo first"},
     {R(seed), FIELD_INTEGER, .min = 0, .max = 0x1p53,
      .doc = "with n: where the sequence starts; random: sample k has u = values 2k and 2k + 1 of the "
-            "SplitMix64 stream; 0 by default"},
+            "SplitMix64 stream, u_lobe value k of the stream of 2^64 - 1 - seed; 0 by default"},
     SEQUENCE_FIELD(struct sample_request),
     PAIRING_FIELD(struct sample_request, pairing),
     SAMPLER_FIELD(struct sample_request),
@@ -69,7 +75,7 @@ static const struct field response_fields[] = {
     {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; their floor is direction_floor"},
     COUNT_FIELD(struct sample_response),
     {MEMBER(struct sample_response, wasted), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,
-     .doc = "samples below the horizon, weight 0"},
+     .doc = "samples below the horizon, weight 0; with transmission those of weight 0"},
     {MEMBER(struct sample_response, sampler), FIELD_TEXT, FIELD_MUST, .doc = "the method used"},
     ACCURACY_FIELD(struct sample_response),
     {0},
@@ -82,7 +88,8 @@ struct job {
     struct pairing pairing; /* first: wo, second: u */
     struct promise promise;
     double input_error; /* of wo, times facet_closeness of all of them */
-    double *from[3], *u[2], *wi[3], *h[3], *weight[3], *pdf;
+    bool is_dense;      /* with transmission: some wo are on the side of the larger index */
+    double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf;
     struct results results[OUTPUT_COUNT];
     struct representation representation;
     facet_sampler sampler;
@@ -97,7 +104,10 @@ static bool asked(const struct job *job, int output)
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
-    if (!facet_sample_bound(job->surface.brdf, tier, job->sampler, job->input_error, bound)) return false;
+    bool promised = job->surface.bsdf
+                        ? api_transmission_sample_bound(&job->surface, tier, job->is_dense, job->input_error, bound)
+                        : facet_sample_bound(job->surface.brdf, tier, job->sampler, job->input_error, bound);
+    if (!promised) return false;
     *bound += job->surface.parameter_error + api_surface_sample_error(&job->surface, tier, job->sampler);
     *bound = api_represented(&job->representation, *bound);
     return true;
@@ -107,6 +117,19 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 static bool is_listed(const struct sample_request *in)
 {
     return in->u.numbers.values || in->u.floats;
+}
+
+/* Beside a listed u, and with it alone. */
+static bool check_lobe(const struct sample_request *in, struct problem *problem)
+{
+    struct place at = {NULL, "u_lobe", 0};
+    bool wanted = in->material.transmission && is_listed(in);
+    if (wanted && !in->u_lobe.values) return api_problem_at(problem, &at, "is required with u and transmission");
+    if (!wanted && in->u_lobe.values)
+        return api_problem_at(problem, &at, in->material.transmission ? "needs u" : "needs a material with transmission");
+    if (wanted && in->u_lobe.count != in->u.numbers.count)
+        return api_problem_at(problem, &at, "has %zu elements, u has %zu", in->u_lobe.count, in->u.numbers.count);
+    return true;
 }
 
 /* u as a list pairs like directions; n per wo is every k of n with every wo. */
@@ -153,14 +176,16 @@ static void fill_u(const struct job *job, size_t start, size_t n)
     for (size_t i = 0; i < n; i++) {
         size_t k = start + i;
         if (by_list) {
-            listed_u(&in->u, job->pairing.outer ? k % in->u.numbers.count : in->u.numbers.count == 1 ? 0 : k,
-                     &job->u[0][i], &job->u[1][i]);
+            size_t at = job->pairing.outer ? k % in->u.numbers.count : in->u.numbers.count == 1 ? 0 : k;
+            listed_u(&in->u, at, &job->u[0][i], &job->u[1][i]);
+            if (job->surface.bsdf) job->u[2][i] = in->u_lobe.values[at];
         } else {
             uint64_t each = (uint64_t)in->n;
             double u[2];
             api_sequence((enum sequence)in->sequence, seed, k / each, k % each, each, u);
             job->u[0][i] = u[0];
             job->u[1][i] = u[1];
+            if (job->surface.bsdf) job->u[2][i] = api_random(~seed, k);
         }
     }
 }
@@ -174,7 +199,9 @@ static bool allocate(struct job *job, struct arena *arena)
         if (!(*wanted[i] = api_arena_doubles(arena, n))) return false;
     for (size_t k = 0; k < 3 && asked(job, H); k++)
         if (!(job->h[k] = api_arena_doubles(arena, n))) return false;
-    for (size_t k = 0; k < job->surface.channels && asked(job, WEIGHT); k++)
+    if (job->surface.bsdf && !(job->u[2] = api_arena_doubles(arena, n))) return false;
+    /* with transmission the weight says what is wasted */
+    for (size_t k = 0; k < job->surface.channels && (asked(job, WEIGHT) || job->surface.bsdf); k++)
         if (!(job->weight[k] = api_arena_doubles(arena, n))) return false;
     return !asked(job, PDF) || (job->pdf = api_arena_doubles(arena, n));
 }
@@ -214,10 +241,13 @@ static bool compute(struct call *call, struct job *job)
         double start = api_clock();
         api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
-        facet_status status = api_surface_sample(&job->surface, job->promise.tier, job->sampler, from,
-                                                 job->u[0], job->u[1], n, &samples);
+        facet_status status =
+            job->surface.bsdf ? facet_bsdf_sample(job->surface.bsdf, job->sampler, from, job->u[0], job->u[1],
+                                                  job->u[2], n, &samples)
+                              : api_surface_sample(&job->surface, job->promise.tier, job->sampler, from,
+                                                   job->u[0], job->u[1], n, &samples);
         if (status) return api_problem_status(call->problem, status, NULL);
-        for (size_t k = 0; k < n; k++) job->wasted += !(job->wi[2][k] > 0);
+        for (size_t k = 0; k < n; k++) job->wasted += !((job->surface.bsdf ? job->weight[0] : job->wi[2])[k] > 0);
         double computed = api_clock();
         trace->compute_us += computed - start;
         if (!print_chunk(call, job, n)) return false;
@@ -233,9 +263,11 @@ static void find_input_error(struct job *job)
     double error = job->wo.input_error;
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
-    for (size_t i = 0, n; error > 0 && i < job->wo.count; i += n) {
+    for (size_t i = 0, n; (error > 0 || job->surface.bsdf) && i < job->wo.count; i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
         api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
+        bool below_is_dense = job->surface.facet.fresnel.eta[0] > 1;
+        for (size_t k = 0; k < n; k++) job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
         job->input_error = fmax(job->input_error, error * facet_closeness(job->surface.brdf, wo, wo, n, true));
     }
 }
@@ -248,7 +280,7 @@ static bool prepare(struct call *call, struct job *job)
     const struct sample_request *in = job->in;
     if (in->material.ndf == FACET_TABULATED)
         return api_problem_at(call->problem, &ndf, "\"tabulated\" cannot be sampled yet");
-    if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) ||
+    if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) || !check_lobe(in, call->problem) ||
         !api_material_open(&in->material, &material, &decoder, &job->surface))
         return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
@@ -290,7 +322,8 @@ static bool handle(struct call *call)
     if (!job) return api_problem_memory(call->problem);
     job->in = call->in;
     facet_ndf ndf = (facet_ndf)job->in->material.ndf;
-    if (!api_sampler(job->in->sampler, ndf, call->problem, &job->sampler) || !prepare(call, job))
+    if (!api_sampler(job->in->sampler, ndf, call->problem, &job->sampler) ||
+        !api_transmission_sampler(&job->in->material, job->sampler, call->problem) || !prepare(call, job))
         return false;
     out->sampler = api_sampler_names[job->sampler];
     call->response->trace.decode_us += api_clock() - start;

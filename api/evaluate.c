@@ -3,6 +3,7 @@
 #include "diffuse.h"
 #include "limits.h"
 #include "stream.h"
+#include "transmission.h"
 
 #include <math.h>
 #include <string.h>
@@ -90,6 +91,8 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
                                                          job->input_error, &b)
                                        : facet_bound(job->surface.brdf, tier, (facet_quantity)q,
                                                      job->input_error, &b);
+        if (job->surface.bsdf)
+            promised = api_transmission_bound(&job->surface, tier, (facet_quantity)q, job->input_error, &b);
         if (!promised) return false;
         b += job->surface.parameter_error + api_surface_error(&job->surface);
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
@@ -144,7 +147,9 @@ static bool find_condition(struct call *call, struct job *job)
         facet_status status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         if (status) return api_problem_status(call->problem, status, NULL);
         job->condition = fmax(job->condition, condition);
-        double closeness = facet_closeness(job->surface.brdf, wi, wo, n, !job->pairs.is_half);
+        bool exact_z = !job->pairs.is_half;
+        double closeness = job->surface.bsdf ? facet_bsdf_closeness(job->surface.bsdf, wi, wo, n, exact_z)
+                                             : facet_closeness(job->surface.brdf, wi, wo, n, exact_z);
         if (error > 0) job->input_error = fmax(job->input_error, error * closeness);
     }
     call->response->trace.compute_us += api_clock() - start;

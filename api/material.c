@@ -2,6 +2,7 @@
 
 #include "facet_table.h"
 #include "limits.h"
+#include "transmission.h"
 
 #include <float.h>
 #include <math.h>
@@ -151,6 +152,12 @@ const struct field api_material_fields[] = {
     {M(diffuse), FIELD_COLOUR, .min = 0, .max = 1,
      .doc = "kd of a diffuse part: fr = (1 - kd) specular + kd/pi (Dupuy 5.4), sampled by mixing "
             "cosine samples in; 0 by default"},
+    {M(transmission), FIELD_BOOL, FIELD_DEFAULT,
+     .doc = "rough dielectric: wi and wo may lie below, where the index is eta (Walter et al. 2007); ggx or "
+            "beckmann, smith maskings, one eta"},
+    {M(transport), FIELD_ENUM, .names = api_transport_names,
+     .doc = "with transmission: importance, the default, conserves energy over wi; radiance divides what is "
+            "transmitted by n^2, n the index on wi's side over that on wo's"},
     {0},
 };
 
@@ -216,7 +223,8 @@ bool api_material_check(void *material, const struct place *place, struct decode
     if (m->shear == FACET_THESIS && m->masking != FACET_SMITH &&
         m->masking != FACET_SMITH_UNCORRELATED)
         return api_problem_at(decoder->problem, &shear, "\"thesis\" needs a smith masking");
-    return api_roughness_check(m, place, decoder) && api_process_check(m, place, decoder);
+    return api_roughness_check(m, place, decoder) && api_process_check(m, place, decoder) &&
+           api_transmission_check(m, place, decoder);
 }
 
 double api_slope_gain(facet_ndf ndf)
@@ -381,6 +389,7 @@ bool api_material_open(const struct material *material, const struct place *plac
     surface->channels = facet->fresnel.channels;
     facet_status status = facet_brdf_create(facet, &surface->brdf);
     if (status) return api_problem_status(decoder->problem, status, place);
-    return api_arena_defer(decoder->arena, destroy_brdf, surface->brdf) ||
-           api_problem_memory(decoder->problem);
+    if (!api_arena_defer(decoder->arena, destroy_brdf, surface->brdf))
+        return api_problem_memory(decoder->problem);
+    return api_transmission_open(material, place, decoder, surface);
 }

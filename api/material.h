@@ -3,6 +3,7 @@
 #define API_MATERIAL_H
 
 #include "facet.h"
+#include "facet_transmission.h"
 #include "field.h"
 
 struct slopes {
@@ -53,6 +54,8 @@ struct material {
     int masking, shear;
     struct fresnel fresnel;
     struct colour diffuse; /* kd */
+    bool transmission;
+    int transport;         /* a facet_transport */
 };
 
 extern const struct field api_material_fields[];
@@ -73,6 +76,7 @@ bool api_material_check(void *material, const struct place *place, struct decode
 struct surface {
     facet_material facet;
     facet_brdf *brdf;
+    facet_bsdf *bsdf; /* of both sides, with transmission; else NULL */
     size_t channels; /* of coloured quantities: 1 or 3 */
     bool has_diffuse;
     double diffuse[3]; /* kd of each channel; evaluate and sample by diffuse.h */

@@ -102,6 +102,15 @@ size_t facet_albedo_ray_edge(const struct albedo_ray *ray, double r[2])
     return quadratic(c * ray->n[0], -2 * g * ray->n[0], -2 * g * lean - c * ray->n[2], r);
 }
 
+/* cos theta_d - g = z_o sqrt(N), g^2 = n^2 - 1 + cos^2 theta_d: z^2 N - 2 z q + 1 - n^2 = 0. */
+size_t facet_albedo_ray_refracted(const struct albedo_ray *ray, const struct albedo_view *view, double excess,
+                                  double r[2])
+{
+    double z = view->z;
+    return quadratic(z * z * ray->n[0] - 2 * z * ray->c - excess, z * z * ray->n[1] + 2 * z * ray->g,
+                     z * z * ray->n[2], r);
+}
+
 /* min(1, 2 c_i/q, 2 c_o/q): 2 c_o = q, c_i = c_o, 2 c_i = q. */
 size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5])
 {

@@ -44,6 +44,9 @@ bool facet_albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view
 size_t facet_albedo_ray_cosine(const struct albedo_ray *ray, double cosine_squared, double r[2]);
 /* Where wi stands on the edge of the mean facet, c_i = 0: at most 2. */
 size_t facet_albedo_ray_edge(const struct albedo_ray *ray, double r[2]);
+/* Where the ray refracted into an index n < 1 times wo's grazes the horizon, excess = n^2 - 1: at most 2. */
+size_t facet_albedo_ray_refracted(const struct albedo_ray *ray, const struct albedo_view *view, double excess,
+                                  double r[2]);
 /* Where the minimum of the V-cavities' G changes over: at most 5. */
 size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5]);
 

@@ -1,6 +1,7 @@
 /* brdf.c - from a material to prepared constants: checks, and what the kernels need once. */
 #include "brdf.h"
 
+#include "double_double.h"
 #include "slope_table.h"
 
 #include <math.h>
@@ -50,29 +51,6 @@ static facet_status check(const facet_material *m)
     return m->shear == FACET_THESIS && !smith ? FACET_UNSUPPORTED : FACET_OK;
 }
 
-/* Unevaluated sums: Beckmann's exponent magnifies what a parameter lacks (Dekker 1971). */
-struct pair {
-    double hi, lo;
-};
-
-static struct pair sum(double a, double b)
-{
-    double s = a + b, t = s - a;
-    return (struct pair){ s, (a - (s - t)) + (b - t) };
-}
-
-static struct pair product(struct pair a, struct pair b)
-{
-    double p = a.hi * b.hi, rest = fma(a.hi, b.hi, -p) + (a.hi * b.lo + a.lo * b.hi);
-    return sum(p, rest);
-}
-
-static struct pair square_root(struct pair a)
-{
-    double s = sqrt(a.hi);
-    return sum(s, (fma(-s, s, a.hi) + a.lo) / (2 * s));
-}
-
 static enum kernel_shape shape_of(const facet_roughness *r)
 {
     if (r->slope_x != 0 || r->slope_y != 0) return KERNEL_SHEARED;
@@ -95,9 +73,10 @@ static struct kernel_surface prepare(const facet_material *m)
     const facet_roughness *r = &m->roughness;
     const long double pi = 3.14159265358979323846264338327950288L;
     struct pair alpha_x = { r->alpha_x, 0 }, alpha_y = { r->alpha_y, 0 }, rho = { r->rho, 0 };
-    struct pair kappa = square_root(product(sum(1, -r->rho), sum(1, r->rho)));
-    struct pair correlated = product(rho, alpha_y), conditional = product(kappa, alpha_y);
-    struct pair det = product(alpha_x, conditional);
+    /* Beckmann's exponent magnifies what a parameter lacks. */
+    struct pair kappa = pair_square_root(pair_product(pair_sum(1, -r->rho), pair_sum(1, r->rho)));
+    struct pair correlated = pair_product(rho, alpha_y), conditional = pair_product(kappa, alpha_y);
+    struct pair det = pair_product(alpha_x, conditional);
     /* Rounded once each: D has their fourth power. */
     long double whole = (long double)det.hi + det.lo, weight = sqrtl(sqrtl(pi * whole));
     return (struct kernel_surface){

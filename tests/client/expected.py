@@ -11,7 +11,7 @@ this script; it says where the numbers come from.
 """
 import json
 import sys
-from mpmath import mp, mpf, mpc, sqrt, exp, pi, inf, quad, cos, sin, atan, atan2
+from mpmath import mp, mpf, mpc, sqrt, exp, pi, inf, quad, cos, sin, atan, atan2, beta
 
 mp.dps = 40
 
@@ -105,6 +105,8 @@ def fresnel(f, cd):
 def evaluate(m, wi, wo):
     """Every quantity of one pair, from the definitions (lib/NOTATION.md)."""
     ndf, r = m.get('ndf', 'ggx'), None
+    if m.get('transmission'):
+        return glass(m, wi, wo)
     if ndf == 'lambert':
         f = m['reflectance']
         f = [mpf(x) / pi for x in (f if isinstance(f, list) else [f])]
@@ -151,6 +153,67 @@ def evaluate(m, wi, wo):
         out['fr'] = [(1 - k) * f + k / pi if up else mpf(0) for k, f in zip(kd, fr)]
         out['fr_cos'] = [f * zi for f in out['fr']]
     return out
+
+
+def glass(m, wi, wo):
+    """A rough dielectric from either side: Walter et al. 2007, eqs. 16 to 21, with Heitz 2016's G2 across."""
+    ndf, r, eta = m.get('ndf', 'ggx'), roughness(m), mpf(m['fresnel']['dielectric']['eta'])
+    eta_o, eta_i = (mpf(1), eta) if wo[2] > 0 else (eta, mpf(1))
+    up, n = mpf(1 if wo[2] > 0 else -1), eta_i / eta_o
+    across = wi[2] * up < 0
+
+    def lobe(h, turn):
+        """(density of wi, share that masking keeps, quantities); turn: the side wi is seen from."""
+        size = length(h)
+        h = [a / size for a in h] if h[2] > 0 else [-a / size for a in h]
+        o, i = up * sum(a * b for a, b in zip(wo, h)), turn * sum(a * b for a, b in zip(wi, h))
+        ko, ki = [[up * a for a in wo], [turn * a for a in wi]]
+        co, ci = [k[2] - k[0] * r[3] - k[1] * r[4] for k in (ko, ki)]
+        so, si = projected_area(ndf, r, ko), projected_area(ndf, r, ki)
+        return h, o, i, co, ci, so, si, normal_density(ndf, r, h)
+
+    h, o, i, co, ci, so, si, D = lobe([a + b for a, b in zip(wi, wo)], up)
+    F = fresnel({'dielectric': {'eta': n}}, o)[0] if up * (wi[2] + wo[2]) > 0 else mpf(0)
+    pdf = F * D / (4 * so) if F else mpf(0)
+    kept = mpf(0)
+    if not across and ci > 0:
+        g = m.get('masking') == 'smith_uncorrelated'
+        kept = ci / si if g else 1 / (1 + (si / ci - 1) * max(co, mpf(0)) / so)
+    out = {'fr_cos': pdf * kept, 'D': D, 'F': F, 'G1_i': abs(wi[2]) / si, 'D_vis': o * D / so}
+    h, o, i, co, ci, so, si, D = lobe([eta_o * a + eta_i * b for a, b in zip(wo, wi)], -up)
+    T = mpf(0)
+    if o > 0 and i > 0:
+        T = 1 - fresnel({'dielectric': {'eta': n}}, o)[0]
+        density = T * o * D / so * n**2 * i / (o - n * i) ** 2
+        pdf += density
+    if across:
+        kept = mpf(0)
+        if ci > 0 and m.get('masking') == 'smith_uncorrelated':
+            kept = ci / si
+        elif ci > 0 and co > 0:
+            kept = so / co * beta(so / co, si / ci)
+        scale = 1 / n**2 if m.get('transport') == 'radiance' else 1
+        out = {'fr_cos': density * kept * scale if T else mpf(0), 'D': D if T else mpf(0), 'F': 1 - T if T else mpf(0),
+               'G1_i': abs(wi[2]) / si, 'D_vis': o * D / so if T else mpf(0)}
+    out.update(pdf=pdf, sigma_o=so, G1_o=abs(wo[2]) / so, G=kept * abs(wo[2]) / so)
+    out['fr'] = [out['fr_cos'] / abs(wi[2])]
+    out['fr_cos'], out['F'] = [out['fr_cos']], [out['F']]
+    return out
+
+
+def sample_glass(m, wo, u, lobe):
+    """The normal of sample_caps seen from wo's side; reflected where lobe < F, else refracted."""
+    up = 1 if wo[2] > 0 else -1
+    eta = mpf(m['fresnel']['dielectric']['eta'])
+    n, ko = eta if up > 0 else 1 / eta, [up * a for a in wo]
+    s = sample_caps(dict(m, fresnel='ideal', transmission=False), ko, u)
+    c = sum(a * b for a, b in zip(ko, s['h']))
+    wi = s['wi']
+    if lobe >= fresnel({'dielectric': {'eta': n}}, c)[0]:
+        wi = [-(a + (sqrt(n * n - 1 + c * c) - c) * b) / n for a, b in zip(ko, s['h'])]
+    wi = [up * a for a in wi]
+    e = glass(m, wi, wo)
+    return {'wi': wi, 'h': s['h'], 'weight': [f / e['pdf'] for f in e['fr_cos']], 'pdf': e['pdf']}
 
 
 def sample_caps(m, wo, u):
@@ -227,7 +290,8 @@ def expected(path, request):
     if path == '/v1/sample':
         wo, u = directions(request['wo']), [[mpf(x) for x in v] for v in request['u']]
         n = max(len(wo), len(u))
-        rows = [sample_caps(m, o, v) for o, v in zip((wo * n)[:n], (u * n)[:n])]
+        rows = [sample_caps(m, o, v) for o, v in zip((wo * n)[:n], (u * n)[:n])] if not m.get('transmission') else [
+            sample_glass(m, o, v, mpf(x)) for o, v, x in zip((wo * n)[:n], (u * n)[:n], (request['u_lobe'] * n)[:n])]
         out = {k: [r[k] for r in rows] for k in rows[0]}
         return {'wi': [[float(x) for x in v] for v in out['wi']],
                 'h': [[float(x) for x in v] for v in out['h']],

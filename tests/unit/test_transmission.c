@@ -1,0 +1,442 @@
+/*
+ * Rough dielectrics as a whole: what is reflected, transmitted and lost adds up to 1, densities to
+ * 1 over the sphere, samples carry what quadrature finds, weights stay below 1, and nothing at the
+ * ends of the ranges is no number.
+ */
+#include "check.h"
+#include "draw.h"
+#include "facet_transmission.h"
+#include "integrate.h"
+#include "normals.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double pi = 3.14159265358979323846;
+
+static facet_material glass(facet_ndf ndf, facet_roughness roughness, double eta, facet_masking masking)
+{
+    facet_material m = {.ndf = ndf, .roughness = roughness, .masking = masking,
+                        .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1}};
+    m.fresnel.eta[0] = eta;
+    return m;
+}
+
+static const facet_roughness surfaces[] = {{0.4, 0.4, 0, 0, 0}, {0.3, 0.8, 0.5, 0, 0}, {0.5, 0.4, -0.3, 0.3, -0.4}};
+static const double indices[] = {1.5, 0.7, 1.05};
+/* wo above and below. */
+static const double views[][3] = {{0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.6, -0.64}, {0.8, 0.5625, 0.21}};
+enum { SURFACES = 3, INDICES = 3, VIEWS = 4 };
+
+static void unit(const double from[3], double v[3])
+{
+    double size = sqrt(from[0] * from[0] + from[1] * from[1] + from[2] * from[2]);
+    for (int j = 0; j < 3; j++) v[j] = from[j] / size;
+}
+
+/* Integrals over the sphere of wi, cell by cell: fr cos above and below, and pdf. */
+enum { TILES = 24, SIDE = TILES * GAUSS_NODES, SHARES = 8, CELLS = 2 * SHARES * SHARES };
+struct sums {
+    double above, below, pdf, cell[CELLS];
+};
+
+static int cell_of(const double wi[3])
+{
+    double turn = atan2(wi[1], wi[0]) / (2 * pi);
+    int row = (int)((1 - wi[2]) * SHARES), column = (int)((turn < 0 ? turn + 1 : turn) * SHARES);
+    return (row < 2 * SHARES ? row : 2 * SHARES - 1) * SHARES + (column < SHARES ? column : SHARES - 1);
+}
+
+/* Gauss rules on 2 x TILES by TILES tiles of cos theta and azimuth, which no cell straddles. */
+static struct sums integrate(const facet_bsdf *bsdf, const double wo[3])
+{
+    enum { N = SIDE };
+    static double i[3][N], o[3][N], fr_cos[N], pdf[N];
+    double x[GAUSS_NODES], w[GAUSS_NODES];
+    struct sums sums = {0};
+    normals_gauss(x, w);
+    for (int row = 0; row < 2 * SIDE; row++) {
+        double z = 1 - (row / GAUSS_NODES + x[row % GAUSS_NODES]) / TILES, s = sqrt((1 - z) * (1 + z));
+        for (int k = 0; k < N; k++) {
+            double turn = 2 * pi * (k / GAUSS_NODES + x[k % GAUSS_NODES]) / TILES;
+            i[0][k] = s * cos(turn), i[1][k] = s * sin(turn), i[2][k] = z;
+            for (int j = 0; j < 3; j++) o[j][k] = wo[j];
+        }
+        facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {pdf}}};
+        CHECK_INT(facet_bsdf_eval(bsdf, (facet_vec3_in){i[0], i[1], i[2]}, (facet_vec3_in){o[0], o[1], o[2]}, N, &outputs), FACET_OK);
+        for (int k = 0; k < N; k++) {
+            double area = 2 * pi * w[row % GAUSS_NODES] * w[k % GAUSS_NODES] / (TILES * TILES);
+            const double wi[3] = {i[0][k], i[1][k], i[2][k]};
+            *(z > 0 ? &sums.above : &sums.below) += area * fr_cos[k];
+            sums.pdf += area * pdf[k];
+            sums.cell[cell_of(wi)] += area * pdf[k];
+        }
+    }
+    return sums;
+}
+
+/* Heitz's Lambda and P from the thesis (tables 2.II, 2.III), of a direction that the mean facet sees. */
+static double lambda(const facet_material *m, const double k[3])
+{
+    const facet_roughness *r = &m->roughness;
+    double a = r->alpha_x * k[0] + r->rho * r->alpha_y * k[1], b = r->alpha_y * sqrt(1 - r->rho * r->rho) * k[1];
+    double c = k[2] - k[0] * r->slope_x - k[1] * r->slope_y, s = hypot(a, b), v = c / s;
+    if (!(c > 0)) return INFINITY;
+    if (s == 0) return 0;
+    if (m->ndf == FACET_GGX) return (sqrt(1 + 1 / (v * v)) - 1) / 2;
+    return (exp(-v * v) / (v * sqrt(pi)) - erfc(v)) / 2;
+}
+
+static double density(const facet_material *m, const double h[3])
+{
+    const facet_roughness *r = &m->roughness;
+    double kappa = sqrt(1 - r->rho * r->rho), x = (-h[0] / h[2] - r->slope_x) / r->alpha_x;
+    double y = ((-h[1] / h[2] - r->slope_y) / r->alpha_y - r->rho * x) / kappa, r2 = x * x + y * y;
+    double p = m->ndf == FACET_GGX ? 1 / ((1 + r2) * (1 + r2)) : exp(-r2);
+    return p / (pi * r->alpha_x * r->alpha_y * kappa * pow(h[2], 4));
+}
+
+/* G2/G1(o) of light on wo's side and across. */
+static double kept_same(const facet_material *m, double lo, double li)
+{
+    if (isinf(li)) return 0;
+    return m->masking == FACET_SMITH ? (1 + lo) / (1 + lo + li) : 1 / (1 + li);
+}
+
+static double kept_across(const facet_material *m, double lo, double li)
+{
+    if (isinf(li)) return 0;
+    return m->masking == FACET_SMITH ? exp(lgamma(2 + lo) + lgamma(1 + li) - lgamma(2 + lo + li)) : 1 / (1 + li);
+}
+
+/* What one visible normal h of wo (above) sends where: F and Snell's law by angles, directions by vectors. */
+struct split {
+    double F, same, across; /* F and the shares that masking keeps, 0 on the wrong side */
+    double up[3];           /* -wi of the refracted ray */
+    double jacobian;        /* d omega_h / d omega_i there (Walter's eq. 17) */
+};
+
+static struct split split_at(const facet_material *m, const double wo[3], double lo, double n, double c,
+                             const double same[3], const double h[3])
+{
+    struct split x = {.F = 1};
+    double sine_t = sqrt(fmax((1 - c) * (1 + c), 0)) / n, cosine_t = sqrt(fmax((1 - sine_t) * (1 + sine_t), 0));
+    if (sine_t < 1) {
+        double s = (c - n * cosine_t) / (c + n * cosine_t), p = (n * c - cosine_t) / (n * c + cosine_t);
+        x.F = (s * s + p * p) / 2;
+    }
+    for (int j = 0; j < 3; j++) x.up[j] = wo[j] / n - (c / n - cosine_t) * h[j];
+    x.jacobian = n * n * cosine_t / pow(c - n * cosine_t, 2);
+    if (same[2] > 0) x.same = kept_same(m, lo, lambda(m, same));
+    if (x.F < 1 && x.up[2] > 0) x.across = kept_across(m, lo, lambda(m, x.up));
+    return x;
+}
+
+/* Over the visible normals of wo: what fr cos of the service sends to either side, and what masking takes. */
+struct shares {
+    double reflected, transmitted, lost;
+};
+
+static double fr_cos_of(const facet_bsdf *bsdf, const double wi[3], const double wo[3], double turn)
+{
+    double v[6], value;
+    for (int j = 0; j < 3; j++) v[j] = turn * wi[j], v[3 + j] = turn * wo[j];
+    facet_outputs outputs = {.of = {[FACET_FR_COS] = {&value}}};
+    facet_bsdf_eval(bsdf, (facet_vec3_in){&v[0], &v[1], &v[2]}, (facet_vec3_in){&v[3], &v[4], &v[5]}, 1, &outputs);
+    return value;
+}
+
+static struct shares shares_of(const facet_material *m, const facet_bsdf *bsdf, const double wo_[3], int panels)
+{
+    struct normals_rule rule;
+    struct shares sum = {0, 0, 0};
+    double wo[3], turn = wo_[2] < 0 ? -1 : 1, n = turn < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0];
+    for (int j = 0; j < 3; j++) wo[j] = turn * wo_[j];
+    double lo = lambda(m, wo), c_mean = wo[2] - wo[0] * m->roughness.slope_x - wo[1] * m->roughness.slope_y;
+    if (!normals_rule_create(m, wo, panels, &rule)) return sum;
+    for (size_t k = 0; k < rule.n; k++) {
+        const double h[3] = {rule.h[0][k], rule.h[1][k], rule.h[2][k]}, same[3] = {rule.i[0][k], rule.i[1][k], rule.i[2][k]};
+        double c = rule.cosine[k], seen = rule.weight[k] * density(m, h) * c / (c_mean * (1 + lo));
+        struct split x = split_at(m, wo, lo, n, c, same, h);
+        const double across[3] = {-x.up[0], -x.up[1], -x.up[2]};
+        sum.lost += seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
+        if (same[2] > 0) sum.reflected += rule.weight[k] * 4 * c * fr_cos_of(bsdf, same, wo, turn);
+        if (x.across > 0) sum.transmitted += rule.weight[k] / x.jacobian * fr_cos_of(bsdf, across, wo, turn);
+    }
+    normals_rule_destroy(&rule);
+    return sum;
+}
+
+static facet_material glass_of(int s, int k, int v, double wo[3])
+{
+    unit(views[v], wo);
+    return glass((s + v) % 2 ? FACET_BECKMANN : FACET_GGX, surfaces[s], indices[k],
+                 (k + v) % 2 ? FACET_SMITH : FACET_SMITH_UNCORRELATED);
+}
+
+static facet_bsdf *open_bsdf(const facet_material *m, facet_transport transport)
+{
+    facet_bsdf *bsdf;
+    CHECK_INT(facet_bsdf_create(m, transport, &bsdf), FACET_OK);
+    return bsdf;
+}
+
+TEST(reflected_transmitted_and_lost_are_one)
+{
+    for (int s = 0; s < SURFACES; s++)
+        for (int k = 0; k < INDICES; k++)
+            for (int v = 0; v < VIEWS; v++) {
+                double wo[3];
+                facet_material m = glass_of(s, k, v, wo);
+                facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
+                struct shares x = shares_of(&m, bsdf, wo, 2);
+                double error = fabs(x.reflected + x.transmitted + x.lost - 1);
+                check_note("error", error);
+                if (!(error < 1e-6))
+                    check_fail(__FILE__, __LINE__, "%.9g + %.9g + %.9g, eta %g: %s", x.reflected, x.transmitted, x.lost,
+                               indices[k], draw_text(&m));
+                facet_bsdf_destroy(bsdf);
+            }
+}
+
+/* What masking takes, by adaptive quadrature of the textbook alone: edges and all. */
+struct loss {
+    const facet_material *m;
+    struct normals_map map;
+    double wo[3], lo, c_mean, n, p;
+    struct integrate_panel inner[64], outer[64];
+};
+
+static facet_status loss_across(void *user, const double at[INTEGRATE_POINTS], struct integral of[INTEGRATE_POINTS])
+{
+    struct loss *l = user;
+    for (int i = 0; i < INTEGRATE_POINTS; i++) {
+        struct normals_node node = normals_at(&l->map, l->p, at[i]);
+        double c = node.cosine, same[3];
+        for (int j = 0; j < 3; j++) same[j] = 2 * c * node.h[j] - l->wo[j];
+        struct split x = split_at(l->m, l->wo, l->lo, l->n, c, same, node.h);
+        double seen = node.area * density(l->m, node.h) * c / (l->c_mean * (1 + l->lo));
+        double value = seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
+        of[i] = (struct integral){{isfinite(value) ? value : 0}, {0}};
+    }
+    return FACET_OK;
+}
+
+static facet_status loss_along(void *user, const double at[INTEGRATE_POINTS], struct integral of[INTEGRATE_POINTS])
+{
+    struct loss *l = user;
+    static const double ends[] = {0, 0.5, 1};
+    for (int i = 0; i < INTEGRATE_POINTS; i++) {
+        const struct integrate rule = {.fn = loss_across, .user = l, .values = 1, .absolute = {1e-7}, .panel = l->inner, .panels = 64};
+        l->p = at[i];
+        facet_status status = facet_integrate(&rule, ends, 3, &of[i]);
+        if (status) return status;
+    }
+    return FACET_OK;
+}
+
+static double lost_of(const facet_material *m, const double wo[3])
+{
+    static const double ends[] = {0, 1};
+    struct loss l = {.m = m, .n = wo[2] < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0]};
+    struct integral sum;
+    for (int j = 0; j < 3; j++) l.wo[j] = wo[2] < 0 ? -wo[j] : wo[j];
+    l.map = normals_map(m, l.wo);
+    l.lo = lambda(m, l.wo);
+    l.c_mean = l.wo[2] - l.wo[0] * m->roughness.slope_x - l.wo[1] * m->roughness.slope_y;
+    const struct integrate rule = {.fn = loss_along, .user = &l, .values = 1, .absolute = {3e-7}, .panel = l.outer, .panels = 64};
+    CHECK_INT(facet_integrate(&rule, ends, 2, &sum), FACET_OK);
+    check_note("of lost", sum.error[0]);
+    return sum.value[0];
+}
+
+/* The service's own quadrature, and that of the textbook's losses. */
+TEST(albedo_of_both_sides)
+{
+    static const int chosen[][2] = {{0, 1}, {0, 2}, {1, 0}, {2, 2}, {2, 3}};
+    const facet_albedo_options options = {.tolerance = 1e-7, .evaluations_max = 1 << 22};
+    for (size_t k = 0; k < sizeof chosen / sizeof *chosen; k++) {
+        double wo[3];
+        facet_albedo_value reflected, transmitted;
+        facet_material m = glass_of(chosen[k][0], (chosen[k][0] + chosen[k][1]) % INDICES, chosen[k][1], wo);
+        facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
+        CHECK_INT(facet_bsdf_albedo(bsdf, (facet_vec3_in){&wo[0], &wo[1], &wo[2]}, 1, &options, &reflected, &transmitted, NULL), FACET_OK);
+        double sum = reflected.value[0] + transmitted.value[0] + lost_of(&m, wo);
+        check_note("1 - sum", fabs(sum - 1));
+        check_note("claimed", reflected.error[0] + transmitted.error[0]);
+        CHECK(reflected.error[0] + transmitted.error[0] < 1e-6);
+        if (!(fabs(sum - 1) < 1e-6)) check_fail(__FILE__, __LINE__, "the sum is 1 %+.3g: %s", sum - 1, draw_text(&m));
+        facet_bsdf_destroy(bsdf);
+    }
+}
+
+/* Where no edge (the horizon, the critical angle) crosses the sphere a fixed rule is enough. */
+static const int smooth[][3] = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {2, 0, 0}, {0, 2, 1}};
+enum { SMOOTH = sizeof smooth / sizeof *smooth };
+
+/* Upper tail of chi^2, about (Wilson & Hilferty 1931). */
+static double tail(double chi2, double freedom)
+{
+    double v = 2 / (9 * freedom);
+    return erfc((cbrt(chi2 / freedom) - (1 - v)) / sqrt(2 * v)) / 2;
+}
+
+struct tally {
+    size_t n;
+    double above, below, cell[CELLS];
+};
+
+/* n samples: pdf and weight are those that evaluation finds at wi, no weight beyond 1. */
+static struct tally draw(const facet_bsdf *bsdf, const double wo[3], size_t n, unsigned long long seed)
+{
+    enum { BATCH = 500 };
+    static double u[3][BATCH], o[3][BATCH], i[3][BATCH], weight[BATCH], pdf[BATCH], fr_cos[BATCH], again[BATCH];
+    struct tally tally = {.n = n};
+    struct rng rng;
+    rng_seed(&rng, seed);
+    for (size_t start = 0; start < n; start += BATCH) {
+        for (int k = 0; k < BATCH; k++)
+            for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng), o[j][k] = wo[j];
+        facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
+        facet_samples samples = {.wi = {i[0], i[1], i[2]}, .weight = {weight}, .pdf = pdf};
+        CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH, &samples), FACET_OK);
+        facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {again}}};
+        CHECK_INT(facet_bsdf_eval(bsdf, to, from, BATCH, &outputs), FACET_OK);
+        for (int k = 0; k < BATCH; k++) {
+            const double wi[3] = {i[0][k], i[1][k], i[2][k]};
+            check_note("pdf", fabs(pdf[k] / again[k] - 1));
+            CHECK_REL(pdf[k], again[k], 1e-9, 0);
+            CHECK_REL(weight[k] * pdf[k], fr_cos[k], 1e-9, 1e-12);
+            CHECK(weight[k] >= 0 && weight[k] <= 1 + 1e-12);
+            *(wi[2] > 0 ? &tally.above : &tally.below) += weight[k] / (double)n;
+            tally.cell[cell_of(wi)]++;
+        }
+    }
+    return tally;
+}
+
+/* pdf over the sphere by quadrature, samples by cell, and their weights against the shares of the furnace. */
+TEST(samples_follow_their_pdf)
+{
+    size_t n = draw_count(60) * 1000;
+    double least = 1;
+    for (int t = 0; t < SMOOTH; t++) {
+        double wo[3], chi2 = 0, cells = -1, rest = 0, rest_count = 0;
+        facet_material m = glass_of(smooth[t][0], smooth[t][1], smooth[t][2], wo);
+        facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
+        struct sums sums = integrate(bsdf, wo);
+        CHECK_REL(sums.pdf, 1, 1e-6, 0);
+        struct shares x = shares_of(&m, bsdf, wo, 12);
+        CHECK_REL(sums.above, x.reflected, 5e-4, 0); /* a fixed rule meets the horizon there */
+        CHECK_REL(sums.below, x.transmitted, 1e-6, 0);
+        struct tally tally = draw(bsdf, wo, n, 100 + (unsigned)t);
+        for (int c = 0; c < CELLS; c++) {
+            double expected = sums.cell[c] * (double)n;
+            if (expected < 8) {
+                rest += expected, rest_count += tally.cell[c];
+                continue;
+            }
+            chi2 += pow(tally.cell[c] - expected, 2) / expected, cells++;
+        }
+        if (rest > 8) chi2 += pow(rest_count - rest, 2) / rest, cells++;
+        least = fmin(least, tail(chi2, cells));
+        check_note("-p", -tail(chi2, cells));
+        double spread = 5 * sqrt(x.reflected / (double)n);
+        CHECK(fabs(tally.above - x.reflected) < spread);
+        CHECK(fabs(tally.below - x.transmitted) < 5 * sqrt(x.transmitted * (1 - x.transmitted) / (double)n));
+        facet_bsdf_destroy(bsdf);
+    }
+    if (!(least * SMOOTH > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", least, SMOOTH);
+}
+
+/* On every side of every surface: samples in numbers, and their estimate of the furnace. */
+TEST(samples_agree_with_the_furnace)
+{
+    size_t n = draw_count(8) * 1000;
+    for (int s = 0; s < SURFACES; s++)
+        for (int v = 0; v < VIEWS; v++) {
+            double wo[3];
+            facet_material m = glass_of(s, v % INDICES, v, wo);
+            facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
+            struct shares x = shares_of(&m, bsdf, wo, 2);
+            struct tally tally = draw(bsdf, wo, n, 7 + (unsigned)(s * VIEWS + v));
+            CHECK(fabs(tally.above + tally.below - (x.reflected + x.transmitted)) < 5 * sqrt((x.lost + 1e-3) / (double)n) + 1e-3);
+            facet_bsdf_destroy(bsdf);
+        }
+}
+
+static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
+{
+    enum { N = 16 };
+    double v[6][N], u[3][N], out[FACET_QUANTITY_COUNT][N], wi[3][N], weight[N], pdf[N], h[3][N];
+    facet_outputs outputs = {0};
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = out[q];
+    for (int k = 0; k < N; k++) {
+        double a[3], b[3];
+        draw_direction(rng, 0, a);
+        draw_direction(rng, 0, b);
+        int kind = (int)(rng_uniform(rng) * 6);
+        for (int j = 0; j < 3; j++) v[j][k] = kind == 0 ? -b[j] : a[j], v[3 + j][k] = b[j];
+        const double grazing[] = {0.6, -0.8, kind == 1 ? 0 : kind == 2 ? DBL_TRUE_MIN : -DBL_MIN};
+        for (int j = 0; j < 3 && kind > 0 && kind < 4; j++) v[(kind == 2 ? 3 : 0) + j][k] = grazing[j];
+        double turn = rng_uniform(rng) < 0.5 ? -1 : 1;
+        for (int j = 0; j < 6; j++) v[j][k] *= turn;
+        for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(rng) < 0.1 ? 0 : rng_uniform(rng) < 0.1 ? nextafter(1, 0) : rng_uniform(rng);
+    }
+    facet_vec3_in i = {v[0], v[1], v[2]}, o = {v[3], v[4], v[5]};
+    facet_samples samples = {.wi = {wi[0], wi[1], wi[2]}, .h = {h[0], h[1], h[2]}, .weight = {weight}, .pdf = pdf};
+    CHECK_INT(facet_bsdf_eval(bsdf, i, o, N, &outputs), FACET_OK);
+    CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, o, u[0], u[1], u[2], N, &samples), FACET_OK);
+    for (int k = 0; k < N; k++) {
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++) CHECK(isfinite(out[q][k]) && out[q][k] >= 0);
+        double size = sqrt(wi[0][k] * wi[0][k] + wi[1][k] * wi[1][k] + wi[2][k] * wi[2][k]);
+        check_note("|wi| - 1", fabs(size - 1));
+        check_note("weight - 1", weight[k] - 1);
+        CHECK(isfinite(pdf[k]) && pdf[k] >= 0 && weight[k] >= 0 && weight[k] <= 1 + 1e-12 && fabs(size - 1) < 1e-6);
+    }
+}
+
+TEST(extremes_are_numbers)
+{
+    static const double ends[] = {1e-3, 1 - 1e-12, 1 + 1e-12, 1 + DBL_EPSILON, 1 - DBL_EPSILON / 2, 1.5, 1e3};
+    struct rng rng;
+    rng_seed(&rng, 5);
+    for (size_t k = 0, n = draw_count(4000); k < n; k++) {
+        facet_material m = glass(rng_uniform(&rng) < 0.5 ? FACET_GGX : FACET_BECKMANN, surfaces[0],
+                                 ends[(size_t)(rng_uniform(&rng) * 7)], rng_uniform(&rng) < 0.5 ? FACET_SMITH : FACET_SMITH_UNCORRELATED);
+        draw_roughness(&rng, &draw_everywhere, &m.roughness);
+        facet_bsdf *bsdf;
+        facet_status status = facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf);
+        if (status == FACET_UNSUPPORTED && m.ndf == FACET_BECKMANN) continue; /* leans too much */
+        CHECK_INT(status, FACET_OK);
+        if (!status) run_extreme(&rng, bsdf);
+        facet_bsdf_destroy(bsdf);
+    }
+}
+
+/* What transport means, which materials there are. */
+TEST(conventions)
+{
+    double wo[3], y[2][2];
+    facet_material m = glass_of(0, 0, 1, wo);
+    for (int t = 0; t < 2; t++) {
+        facet_bsdf *bsdf = open_bsdf(&m, (facet_transport)t);
+        for (int side = 0; side < 2; side++) {
+            const double wi[3] = {-0.36, 0.1, -sqrt(1 - 0.36 * 0.36 - 0.01)};
+            y[t][side] = fr_cos_of(bsdf, wi, wo, side ? -1 : 1);
+        }
+        facet_bsdf_destroy(bsdf);
+    }
+    CHECK_REL(y[1][0] * 2.25, y[0][0], 1e-15, 0);
+    CHECK_REL(y[1][1] / 2.25, y[0][1], 1e-15, 0);
+    facet_bsdf *bsdf;
+    m.fresnel.eta[0] = 1;
+    CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
+    m.fresnel.eta[0] = 0;
+    CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
+    m.fresnel.kind = FACET_FRESNEL_SCHLICK;
+    CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_UNSUPPORTED);
+    facet_bsdf_destroy(NULL);
+}
