@@ -248,8 +248,14 @@ demo: all ## send real data to every endpoint of a daemon of its own
 
 # A thousand million calls at the extremes, a million pairs through the public door.
 SOAK := $(B)/tests/extremes/test_many $(B)/tests/accuracy/test_answers
-soak: $(SOAK) ## the tests of extremes and of answered bounds, a hundred times as long
+soak: $(SOAK) $(B)/tests/property/test_energy ## the tests of extremes and of answered bounds, a hundred times as long
 	@for t in $(SOAK); do for i in $(ISAS); do FACET_TEST_SCALE=100 FACET_ISA=$$i $$t || exit 1; done; done
+	@FACET_TEST_SCALE=140 $(B)/tests/property/test_energy weights_never_exceed_fresnel # 1e7 configurations
+
+# The test of samples against densities, on the whole grid.
+CHI2 ?= 1e8
+chi2: $(B)/tests/property/test_sample_pdf ## chi squared of every sampler, model, shape, alpha and angle, CHI2 (1e8) samples each (hours)
+	@FACET_CHI2=$(CHI2) $< every_sampler_at_length
 
 # The experiments of the papers, as tables and pictures.
 REPORT := $(B)/tests/report/report
@@ -270,6 +276,12 @@ bench: ## speed and error of every quantity, tier and instruction set against th
 	@mkdir -p build/bench && $(BENCH) >build/bench.json
 	@tests/bench/summary.py build/bench.json build/bench $(B)/lib/kernel >build/bench/bench.md && tests/bench/pareto.sh build/bench
 	@cat build/bench/bench.md; echo; echo "see build/bench.json, build/bench/bench.md, build/bench/pareto.png"
+
+BENCH_SAMPLERS := $(B)/tests/bench/samplers
+$(BENCH_SAMPLERS): $(addprefix $(B)/tests/,bench/samplers.o report/samplers.o) $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
+bench-samplers: $(BENCH_SAMPLERS) ## nanoseconds of a sample, each method against its own scalar double form: asked and measured
+	@$<
 
 container: ## build the Dockerfile without a Docker engine, run the image and ask it
 	@$(MAKE) --no-print-directory deps WHEN=container
@@ -314,6 +326,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http
+.PHONY: all bench bench-samplers chi2 soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

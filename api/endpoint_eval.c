@@ -1,6 +1,7 @@
 /* POST /v1/eval: quantities of pairs of directions. */
 #include "endpoint.h"
 #include "evaluate.h"
+#include "sampler.h"
 
 #include <string.h>
 
@@ -11,11 +12,12 @@ struct eval_request {
     uint32_t outputs;
     int64_t channels;
     bool flat;
-    int dtype;
+    int sampler, dtype;
 };
 
 struct eval_response {
     struct text *of[FACET_QUANTITY_COUNT];
+    const char *sampler; /* NULL: visible normals, not asked otherwise */
     int64_t count;
     struct accuracy accuracy;
 };
@@ -32,6 +34,7 @@ static const struct field request_fields[] = {
     PAIR_FIELDS(struct eval_request),
     {MEMBER(struct eval_request, outputs), FIELD_SET, FIELD_DEFAULT, .names = quantity_names,
      .initial = 1 << FACET_FR, .doc = "what to compute"},
+    SAMPLER_FIELD(struct eval_request),
     CHANNELS_FIELD(struct eval_request),
     FLAT_FIELD(struct eval_request),
     DTYPE_FIELD(struct eval_request),
@@ -48,6 +51,8 @@ static const struct field response_fields[] = {
      .doc = doc_},
 #include "quantities.def"
 #undef QUANTITY
+    {MEMBER(struct eval_response, sampler), FIELD_TEXT,
+     .doc = "the method that pdf belongs to, if one was named; else visible normals by their plain density"},
     COUNT_FIELD(struct eval_response),
     ACCURACY_FIELD(struct eval_response),
     {0},
@@ -66,7 +71,11 @@ static bool handle(struct call *call)
         .flat = in->flat,
         .dtype = in->dtype,
     };
+    bool is_named = in->sampler != FACET_SAMPLER_AUTO;
+    if (is_named && !api_sampler(in->sampler, (facet_ndf)in->material.ndf, call->problem, &evaluation.sampler))
+        return false;
     if (!api_evaluate(call, &evaluation)) return false;
+    out->sampler = is_named ? api_sampler_names[evaluation.sampler] : NULL;
     memcpy(out->of, evaluation.of, sizeof out->of);
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;

@@ -203,7 +203,8 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
     X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */ \
     X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */        \
     X(NDF, "ndf")         /* all normals, seen or not */                        \
-    X(COSINE, "cosine")   /* wi by its cosine, whatever the material */
+    X(COSINE, "cosine")   /* wi by its cosine, whatever the material */         \
+    X(VCAVITY, "vcavity") /* visible normals of V-cavities (masking VGROOVE) */
 
 typedef enum facet_sampler {
 #define FACET_SAMPLER_ENUM(id, name) FACET_SAMPLER_##id,
@@ -330,6 +331,9 @@ typedef struct facet_samples {
  *            no bound.
  *   COSINE   wi with density cos theta_i / pi, for what is nearly diffuse; h is the
  *            half vector.
+ *   VCAVITY  the normals that VGROOVE shows wo, so that its weight never exceeds the Fresnel
+ *            term: tan theta_h by u1, the azimuth about wo's by u2, both monotone
+ *            (Heitz & d'Eon 2014, algorithm 3, its random swap folded into the azimuth); any shear.
  */
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
                           const double *u1, const double *u2, size_t n, const facet_samples *samples);

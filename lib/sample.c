@@ -25,6 +25,7 @@ bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
     switch (sampler) {
     case FACET_SAMPLER_CAPS:
     case FACET_SAMPLER_BOUNDED: return ndf == FACET_GGX;
+    case FACET_SAMPLER_VCAVITY: return ndf != FACET_TABULATED;
     default: return (unsigned)sampler < FACET_SAMPLER_COUNT;
     }
 }

@@ -274,18 +274,34 @@ INLINE real segment(real d, struct sin_cos at)
     return select(less(d2, splat(R(0.25))), sum * d2 * d, nmadd(at.sin, at.cos, d));
 }
 
-/* d with d - sin d cos d = pi w, w in [0, 1/2], by Newton from d^3 = 3/2 pi w. */
-INLINE real across_angle(real w)
+/*
+ * d in [0, pi/2] with (d - sin d cos d) + sin d (p cos d + q sin d) = pi w, w in
+ * [0, 1/2], p, q >= 0 and not both above 0, by Newton.  Not `bent`: p = q = 0, from
+ * d^3 = 3/2 pi w.  Else from above, each term by itself (each is at least its chord),
+ * whence the steps fall: the left side is convex up to d.
+ */
+INLINE real across_angle(real w, bool bent, real p, real q)
 {
     enum { STEPS = REAL_IS_FLOAT ? 4 : 6 };
     /* A third of the exponent is a cube root to 5 % (Kahan). */
     const lane_bits third = REAL_IS_FLOAT ? (lane_bits)0x2a5119f2 : (lane_bits)((int64_t)0x2a9f7893 << 32);
-    real cube = real_max(w * R(1.5 / ONE_OVER_PI), splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280)));
+    const real least = splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280)), area = w * R(1 / ONE_OVER_PI);
+    real cube = real_max((bent ? R(0.25 / (ONE_OVER_PI * ONE_OVER_PI)) : R(1.5)) * area, least);
     real d = (real)(__builtin_convertvector(__builtin_convertvector((bits)cube, real) * R(1.0 / 3), bits) + third);
     for (int k = 0; k < 2; k++) d = R(1.0 / 3) * (2 * d + cube / (d * d));
-    for (int k = 0; k < STEPS; k++) {
+    if (bent) {
+        real line = area / real_max(p, least), square = R(0.5 / ONE_OVER_PI) * root_from_zero(area / real_max(q, least));
+        d = real_max(real_min(d, real_min(line, square)), least);
+    }
+    for (int k = 0; k < STEPS + bent; k++) {
         struct sin_cos at = sin_cos_turns(d * R(0.5 * ONE_OVER_PI));
-        d -= (segment(d, at) - w * R(1 / ONE_OVER_PI)) / (2 * at.sin * at.sin);
+        real side = segment(d, at), slope = 2 * at.sin * at.sin;
+        if (bent) {
+            side = madd(at.sin, madd(p, at.cos, q * at.sin), side);
+            slope += madd(p, madd(at.cos, at.cos, -at.sin * at.sin), 2 * q * at.sin * at.cos);
+        }
+        d -= (side - area) / (bent ? real_max(slope, splat(REAL_MIN)) : slope);
+        if (bent) d = real_max(d, splat(0));
     }
     return d;
 }
@@ -308,7 +324,7 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
     real conjugate = (c - sin_a) * part / select(less(real_abs(under), splat(REAL_MIN)), splat(1), under);
     mask direct = (mask)((mask)~behind & less(zero, sin_a));
     real cos_b = select(direct, plain, conjugate), sin_b = nmadd(cos_a, s, sin_a * c);
-    struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest)) * R(0.5 * ONE_OVER_PI));
+    struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest), false, zero, zero) * R(0.5 * ONE_OVER_PI));
     real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos), z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
     mask pole = less(o.s2, splat(REAL_MIN));
     real ca = select(pole, splat(1), o.a / real_max(side, splat(REAL_MIN)));
@@ -317,12 +333,51 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
     return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)) };
 }
 
+/* ---- V-cavities ---------------------------------------------------------------------------- */
+
+/*
+ * Heitz & d'Eon 2014, algorithm 3: of a normal and its twin at the opposite slope
+ * (about the mean slope, where that is not 0) the one or the other, by how much of each is seen.
+ * Of radius r = tan theta_m by u1 and azimuth psi from wo's, wo sees c + s r cos psi; so psi
+ * has density (1 + e cos psi)/(2 pi), e = s r/c, where both twins are seen, twice the uniform where
+ * only this one is, nothing where only the other is; behind the mean facet (c <= 0) the uniform
+ * where neither is.  That is inverted by u2, so that no third random number is
+ * borrowed and both u keep their order: psi from -pi to pi, w = min(u2, 1 - u2) the area
+ * beyond it, psi_0 = acos 1/e (0 for e < 1) where the other twin comes into view.
+ */
+INLINE struct normal cavity_normal(enum facet_ndf ndf, struct direction o, struct uniform u1, struct uniform u2)
+{
+    const real one = splat(1), zero = splat(0), most = splat(REAL_IS_FLOAT ? R(1e15) : R(1e140));
+    bool ggx = ndf == FACET_GGX;
+    real radius = root_from_zero(ggx ? u1.u : minus_log(u1.u, u1.rest));
+    real z = ggx ? real_max(root_from_zero(u1.rest), splat(NORMAL_MIN)) : one;
+    real side = root_from_zero(o.s2), w = real_min(u2.u, u2.rest);
+    real e = real_min(side * radius / real_max(real_abs(o.c) * z, splat(REAL_MIN)), most);
+    real rise = root_from_zero(real_max((e - 1) * (e + 1), zero));
+    mask behind = (mask)~less(zero, o.c);
+    struct sin_cos half = sin_cos_turns(R(0.5) * w); /* of pi w */
+    struct sin_cos d = sin_cos_turns(across_angle(w, true, real_max(1 - e, zero), rise) * R(0.5 * ONE_OVER_PI));
+    d.sin = select(behind, half.sin, d.sin), d.cos = select(behind, half.cos, d.cos);
+    /* psi = pi - psi_0 - 2 d where both or none are seen; else pi/2 - pi w. */
+    real i = one / real_max(e, one), j = select(less(one, e), rise * i, zero);
+    real sin_2 = 2 * d.sin * d.cos, cos_2 = madd(d.cos, d.cos, -d.sin * d.sin);
+    mask alone = less(one, e * half.sin);
+    real x = select(alone, half.sin, nmadd(i, cos_2, j * sin_2));
+    real y = select(alone, half.cos, madd(j, cos_2, i * sin_2)) * select(less(u2.u, u2.rest), -one, one);
+    mask pole = less(o.s2, splat(REAL_MIN));
+    real ca = select(pole, one, o.a / real_max(side, splat(REAL_MIN)));
+    real cb = select(pole, zero, o.b / real_max(side, splat(REAL_MIN)));
+    return (struct normal){ radius * nmadd(y, cb, x * ca), radius * madd(x, cb, y * ca), z,
+                            one, ggx ? splat(R(ONE_OVER_PI)) : u1.rest * R(ONE_OVER_PI) };
+}
+
 /* ---- reflection --------------------------------------------------------------------------- */
 
 struct reflected {
     struct vec3 wi, h;
     real density; /* D */
     real seen;    /* |wo.h| / h_z */
+    mask faces;   /* wo.h > 0 */
 };
 
 /* The affine map, and reflection wi = 2 (wo.h) h - wo. */
@@ -339,6 +394,7 @@ INLINE struct reflected reflect_sample(const struct kernel_surface *s, struct ve
         .h = { hx * inverse, hy * inverse, m.z * inverse },
         .density = q * q * m.density,
         .seen = quotient(real_abs(dot), m.z),
+        .faces = less(splat(0), dot),
     };
 }
 

@@ -27,8 +27,21 @@ INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf,
                                  struct share share, struct uniform u1, struct uniform u2)
 {
     if (sampler == FACET_SAMPLER_NDF) return any_normal(ndf, u1, u2);
+    if (sampler == FACET_SAMPLER_VCAVITY) return cavity_normal(ndf, o, u1, u2);
     if (sampler == FACET_SAMPLER_SLOPE) return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
     return cap_sample(o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
+}
+
+/* pdf = D / this. */
+INLINE real area_of(enum facet_sampler sampler, struct model m, const struct kernel_surface *s, struct direction o,
+                    struct share share, const struct reflected *a)
+{
+    switch (sampler) {
+    case FACET_SAMPLER_NDF: return 4 * a->seen;
+    case FACET_SAMPLER_VCAVITY: return select(a->faces, 2 * real_max(2 * o.c, a->seen), 4 * a->seen);
+    case FACET_SAMPLER_BOUNDED: return cap_area(share, o);
+    default: return 4 * sigma_scaled(m, s, o);
+    }
 }
 
 INLINE void draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
@@ -43,11 +56,7 @@ INLINE void draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct ke
     struct reflected a = reflect_sample(s, wo, n);
     store_vec3(job->sampled_wi, k, a.wi);
     if (job->sampled_h[0]) store_vec3(job->sampled_h, k, a.h);
-    if (!job->sampled_pdf) return;
-    real area = sampler == FACET_SAMPLER_NDF       ? 4 * a.seen
-                : sampler == FACET_SAMPLER_BOUNDED ? cap_area(share, o)
-                                                   : 4 * sigma_scaled(m, s, o);
-    store_at(job->sampled_pdf, k, ratio(a.density, area));
+    if (job->sampled_pdf) store_at(job->sampled_pdf, k, ratio(a.density, area_of(sampler, m, s, o, share, &a)));
 }
 
 #define DRAW_LOOP(sampler, ndf)                                                                 \
@@ -63,6 +72,8 @@ DRAW_LOOP(NDF, GGX)
 DRAW_LOOP(NDF, BECKMANN)
 DRAW_LOOP(SLOPE, GGX)
 DRAW_LOOP(SLOPE, BECKMANN)
+DRAW_LOOP(VCAVITY, GGX)
+DRAW_LOOP(VCAVITY, BECKMANN)
 
 /* Whatever the surface. */
 static void draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job, size_t n)
@@ -113,6 +124,19 @@ INLINE real pdf_ndf(struct model m, const struct kernel_surface *s, const struct
     return select(less(splat(0), facing_), value, splat(0));
 }
 
+/*
+ * G1 <wo, h> D / (4 |wo.h| c) = D min(1/(4 c), H_z/|H|^2): of the twins one is seen, or both.
+ * Behind the mean facet never both; where neither is, h was kept as it was drawn.
+ */
+INLINE real pdf_vcavity(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    real facing_ = facing(t->h), c4 = 4 * t->o.c, size = saturated(real_abs(facing_));
+    real seen = select(less(c4 * size, splat(1)), size, quotient(splat(1), real_max(c4, splat(REAL_MIN))));
+    real unseen = select(less(c4 * size, splat(-1)), R(0.5) * size, splat(0));
+    real value = saturated(select(less(splat(0), facing_), seen, unseen) * saturated(value_of(density(m, s, t->h))));
+    return select(less(splat(0), size), value, splat(0));
+}
+
 INLINE real pdf_cosine(struct model m, const struct kernel_surface *s, const struct terms *t)
 {
     (void)m, (void)s;
@@ -131,6 +155,15 @@ INLINE real weight_ndf(struct model m, const struct kernel_surface *s, const str
     bool scaled = needs_scaling(m);
     struct fraction f = reflect(m, s, t->i, t->o, t->h, scaled);
     real value = saturated(2 * ratio(ratio(f.num, f.den), facing(t->h)));
+    return lit(t->i, t->o, scaled ? unscale(m, t->o, value) : value);
+}
+
+INLINE real weight_vcavity(struct model m, const struct kernel_surface *s, const struct terms *t)
+{
+    bool scaled = needs_scaling(m);
+    struct fraction f = reflect(m, s, t->i, t->o, t->h, scaled);
+    real single = quotient(splat(1), real_max(facing(t->h), splat(REAL_MIN)));
+    real value = saturated(ratio(f.num, f.den) * real_max(4 * t->o.c, single));
     return lit(t->i, t->o, scaled ? unscale(m, t->o, value) : value);
 }
 
@@ -167,9 +200,10 @@ extern const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FA
 const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA) = {
     .draw = {
         [FACET_GGX] = { [FACET_SAMPLER_CAPS] = draw_CAPS_GGX, [FACET_SAMPLER_BOUNDED] = draw_BOUNDED_GGX,
-                        [FACET_SAMPLER_SLOPE] = draw_SLOPE_GGX, [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE },
+                        [FACET_SAMPLER_SLOPE] = draw_SLOPE_GGX, [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE,
+                        [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_GGX },
         [FACET_BECKMANN] = { [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN, [FACET_SAMPLER_COSINE] = draw_COSINE,
-                             [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN,
+                             [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN, [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_BECKMANN,
         },
     },
 #define PDF_LOOP(sampler, function, ndf) .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,

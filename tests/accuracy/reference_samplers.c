@@ -138,6 +138,68 @@ static void slope_ggx(const facet_material *material, const double wo[3], quad u
     m[2] = z;
 }
 
+/* ---- V-cavities ------------------------------------------------------------------------------ */
+
+struct reference_twins reference_vcavity(const facet_material *material, const double wo[3],
+                                         double u1, double u2)
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    const facet_roughness *r = &material->roughness;
+    struct reference_twins t;
+    quad m[3], seen[2];
+    all_normals(material->ndf, u1, u2, m);
+    for (int i = 0; i < 2; i++) {
+        to_surface(r, m, t.h[i]);
+        quad cosine = dot(o, t.h[i]) / t.h[i][2];
+        seen[i] = cosine > 0 ? cosine : 0;
+        m[0] = -m[0], m[1] = -m[1]; /* the opposite slope, about the mean one */
+    }
+    t.chance = seen[0] + seen[1] > 0 ? seen[1] / (seen[0] + seen[1]) : 0;
+    return t;
+}
+
+/*
+ * The share of standard normals of radius r whose azimuth is less than psi from wo's (twice the
+ * CDF at psi, less 1): the integral over [0, psi] of (1 - the chance of the twin) 2/pi, piece by piece.
+ */
+static quad azimuths_within(const struct reference_view *k, quad r, quad psi)
+{
+    quad e = k->s * r, edge = e > fabsq(k->c) ? acosq(fabsq(k->c) / e) : 0, other = M_PIq - edge;
+    quad first = psi < edge ? psi : edge, middle = psi < edge ? edge : psi < other ? psi : other;
+    quad sum = 2 * first + (middle - edge);
+    if (k->c > 0) sum += e / k->c * (sinq(middle) - sinq(edge));
+    return sum / M_PIq;
+}
+
+/* Radius by u1 as NDF, azimuth about wo's by u2 over (-pi, pi), by bisection. */
+static void vcavity(const facet_material *material, const double wo[3], quad u1, quad u2, quad m[3])
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    struct reference_view k = reference_project(&material->roughness, o);
+    quad radius = material->ndf == FACET_GGX ? sqrtq(u1 / (1 - u1)) : sqrtq(-log1pq(-u1));
+    quad low = 0, high = M_PIq, target = fabsq(2 * u2 - 1), a = k.s > 0 ? k.a / k.s : 1, b = k.s > 0 ? k.b / k.s : 0;
+    for (int i = 0; i < 113; i++) {
+        quad psi = (low + high) / 2;
+        *(azimuths_within(&k, radius, psi) < target ? &low : &high) = psi;
+    }
+    quad x = radius * cosq((low + high) / 2), y = radius * sinq((low + high) / 2) * (u2 < 0.5Q ? -1 : 1);
+    m[0] = x * a - y * b;
+    m[1] = x * b + y * a;
+    m[2] = 1;
+}
+
+/* D h_z, twice that where the twin is not seen, times its share where both are, over 4 |wo.h|. */
+quad reference_vcavity_pdf(const facet_material *material, const double wo[3], const quad H[3])
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    quad h2 = dot(H, H), sign = H[2] < 0 ? -1 : 1, up[3] = {sign * H[0], sign * H[1], sign * H[2]};
+    if (H[2] == 0) return 0;
+    quad own = sign * h2 / 2 / up[2]; /* wo.h/h_z */
+    quad twin = 2 * reference_project(&material->roughness, o).c - own;
+    quad share = own > 0 ? (twin > 0 ? 2 * own / (own + twin) : 2) : twin > 0 ? 0 : 1;
+    return share * reference_ndf(material, up) * up[2] / (2 * h2);
+}
+
 quad reference_pdf_by(enum reference_method method, const facet_material *material,
                       const quad wi[3], const double wo[3], const quad H[3])
 {
@@ -147,6 +209,8 @@ quad reference_pdf_by(enum reference_method method, const facet_material *materi
         return bounded_pdf(material, wo, H);
     case REFERENCE_NDF:
         return all_normals_pdf(material, H);
+    case REFERENCE_VCAVITY:
+        return reference_vcavity_pdf(material, wo, H);
     case REFERENCE_SLOPE_GGX:
         reference_eval_exact(material, wi, wo, H, &all);
         return all.of[FACET_PDF][0];
@@ -181,6 +245,7 @@ void reference_sample_by(enum reference_method method, const facet_material *mat
     } else {
         if (method == REFERENCE_BOUNDED) bounded(material, wo, u1, u2, m);
         if (method == REFERENCE_NDF) all_normals(material->ndf, u1, u2, m);
+        if (method == REFERENCE_VCAVITY) vcavity(material, wo, u1, u2, m);
         if (method == REFERENCE_SLOPE_GGX) slope_ggx(material, wo, u1, u2, m);
         to_surface(&material->roughness, m, result->h);
         reflect(wo, result->h, result->wi, H);
@@ -192,32 +257,60 @@ void reference_sample_by(enum reference_method method, const facet_material *mat
         result->weight[j] = all.of[FACET_FR_COS][j] == 0 ? 0 : all.of[FACET_FR_COS][j] / result->pdf;
 }
 
-/* ---- V-cavities ------------------------------------------------------------------------------ */
+/* ---- back to the random numbers ---------------------------------------------------------------- */
 
-struct reference_twins reference_vcavity(const facet_material *material, const double wo[3],
-                                         double u1, double u2)
+/* Of an angle, over one turn, in [0, 1). */
+static quad turn_of(quad y, quad x)
 {
-    const quad o[3] = {wo[0], wo[1], wo[2]};
-    struct reference_twins t;
-    quad m[3], seen[2];
-    all_normals(material->ndf, u1, u2, m);
-    to_surface(&material->roughness, m, t.h[0]);
-    t.h[1][0] = -t.h[0][0];
-    t.h[1][1] = -t.h[0][1];
-    t.h[1][2] = t.h[0][2];
-    for (int i = 0; i < 2; i++) {
-        quad cosine = dot(o, t.h[i]);
-        seen[i] = cosine > 0 ? cosine : 0;
-    }
-    t.chance = seen[0] + seen[1] > 0 ? seen[1] / (seen[0] + seen[1]) : 0;
-    return t;
+    quad t = atan2q(y, x) / (2 * M_PIq);
+    return t < 0 ? t + 1 : t;
 }
 
-quad reference_vcavity_pdf(const facet_material *material, const double wo[3], const quad H[3])
+/* Of the cap: C is k' mirrored at m. */
+static void cap_uniforms(struct reference_view k, quad share, const quad m[3], quad u[2])
 {
-    if (!(H[2] > 0) || !(wo[2] > 0)) return 0;
-    quad g1 = 4 * H[2] * wo[2] / dot(H, H); /* 2 h_z z_o / <o, h> */
-    return (g1 < 1 ? g1 : 1) * reference_ndf(material, H) / (4 * (quad)wo[2]);
+    quad r = sqrtq(k.s * k.s + k.c * k.c), c = k.c / r, along = 2 * (k.a * m[0] + k.b * m[1] + k.c * m[2]) / r;
+    u[0] = turn_of(along * m[1] - k.b / r, along * m[0] - k.a / r);
+    u[1] = 1 - (along * m[2] - c + share * c) / (1 + share * c);
+}
+
+/* CDF of the slope along wo, and given that across it. */
+static void slope_uniforms(facet_ndf ndf, struct reference_view k, const quad m[3], quad u[2])
+{
+    quad r = sqrtq(k.s * k.s + k.c * k.c), a = k.s > 0 ? k.a / k.s : 1, b = k.s > 0 ? k.b / k.s : 0;
+    quad x = -(m[0] * a + m[1] * b) / m[2], y = (m[0] * b - m[1] * a) / m[2];
+    if (ndf == FACET_GGX) {
+        quad t = atanq(y / sqrtq(1 + x * x)), c = k.c / r;
+        u[0] = (sinq(atanq(x) + atan2q(k.s, k.c)) + c) / (1 + c);
+        u[1] = 0.5Q + (t + sinq(t) * cosq(t)) / M_PIq;
+    } else {
+        quad v = k.s > 0 ? k.c / k.s : 99, e = k.s / sqrtq(M_PIq);
+        u[0] = (k.c * erfcq(-x) + e * expq(-x * x)) / (k.c * erfcq(-v) + e * expq(-v * v));
+        u[1] = erfcq(-y) / 2;
+    }
+}
+
+void reference_uniforms(facet_sampler sampler, const facet_material *material, const double wo[3],
+                        const quad wi[3], const quad h[3], quad u[2])
+{
+    const quad o[3] = {wo[0], wo[1], wo[2]};
+    struct reference_view k = reference_project(&material->roughness, o);
+    quad m[3], r2, a = k.s > 0 ? k.a / k.s : 1, b = k.s > 0 ? k.b / k.s : 0;
+    if (sampler == FACET_SAMPLER_COSINE) {
+        u[0] = wi[0] * wi[0] + wi[1] * wi[1];
+        u[1] = turn_of(wi[1], wi[0]);
+        return;
+    }
+    to_standard(&material->roughness, h, m);
+    if (sampler == FACET_SAMPLER_SLOPE) return slope_uniforms(material->ndf, k, m, u);
+    if (sampler == FACET_SAMPLER_CAPS) return cap_uniforms(k, 1, m, u);
+    if (sampler == FACET_SAMPLER_BOUNDED) return cap_uniforms(k, reference_bounded_share(material, wo), m, u);
+    r2 = (m[0] * m[0] + m[1] * m[1]) / (m[2] * m[2]);
+    u[0] = material->ndf == FACET_GGX ? r2 / (1 + r2) : -expm1q(-r2);
+    u[1] = turn_of(m[1], m[0]);
+    if (sampler != FACET_SAMPLER_VCAVITY) return;
+    quad psi = atan2q(m[1] * a - m[0] * b, m[0] * a + m[1] * b), share = azimuths_within(&k, sqrtq(r2), fabsq(psi));
+    u[1] = 0.5Q + (psi < 0 ? -share : share) / 2;
 }
 
 /* ---- Glass -------------------------------------------------------------------------------------- */

@@ -35,6 +35,7 @@ static bool method_of(facet_sampler sampler, facet_ndf ndf, enum reference_metho
     case FACET_SAMPLER_BOUNDED: *method = REFERENCE_BOUNDED; return true;
     case FACET_SAMPLER_NDF: *method = REFERENCE_NDF; return true;
     case FACET_SAMPLER_COSINE: *method = REFERENCE_COSINE; return true;
+    case FACET_SAMPLER_VCAVITY: *method = REFERENCE_VCAVITY; return true;
     default: return false;
     }
 }
@@ -152,7 +153,8 @@ static struct miss sample_moves(facet_sampler sampler, const facet_material *m, 
 {
     struct miss most = {0, 0, 0};
     bool around = sampler == FACET_SAMPLER_NDF || sampler == FACET_SAMPLER_COSINE;
-    int turns = around ? 2 : m->ndf == FACET_GGX && sampler != FACET_SAMPLER_SLOPE ? 1 : 0; /* which u is an azimuth */
+    bool caps = m->ndf == FACET_GGX && sampler != FACET_SAMPLER_SLOPE && sampler != FACET_SAMPLER_VCAVITY;
+    int turns = around ? 2 : caps ? 1 : 0; /* which u is an azimuth */
     for (int axis = 0; axis < 10; axis++) {
         double o[3] = {wo[0], wo[1], wo[2]}, by = axis & 1 ? -step : step, v1 = u1, v2 = u2;
         if (axis < 6)
@@ -197,14 +199,15 @@ static bool beyond_caps(const facet_material *m, double u2)
 }
 
 /*
- * The pdf of NDF has a pole where wo.h is 0, and so does its error: there it is wo.h that has to be
- * right, absolutely.
+ * The pdf of NDF has a pole where wo.h is 0, that of VCAVITY behind the mean facet, and so does its
+ * error: there it is wo.h that has to be right, absolutely.
  */
 static bool near_the_pole(const struct batch *b, size_t k, const double wo[3], const struct reference_sample *x,
                           struct miss miss, double bound)
 {
     double seen = fabs((double)(wo[0] * x->h[0] + wo[1] * x->h[1] + wo[2] * x->h[2]));
-    if (b->sampler != FACET_SAMPLER_NDF || !(miss.wi <= bound && miss.h <= bound)) return false;
+    bool pole = b->sampler == FACET_SAMPLER_NDF || b->sampler == FACET_SAMPLER_VCAVITY;
+    if (!pole || !(miss.wi <= bound && miss.h <= bound)) return false;
     return fabs((double)x->pdf / b->pdf[k] - 1) * seen <= bound * (1 + seen);
 }
 
@@ -293,25 +296,25 @@ TEST(samples_everywhere)
 TEST(samples_by_name)
 {
     static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_SLOPE, FACET_SAMPLER_NDF,
-                                             FACET_SAMPLER_COSINE};
-    for (int k = 0; k < 4; k++) {
+                                             FACET_SAMPLER_COSINE, FACET_SAMPLER_VCAVITY};
+    for (int k = 0; k < 5; k++) {
         walk_all(&draw_ordinary, samplers[k], 6, 53);
         walk_all(&draw_everywhere, samplers[k], 6, 54);
     }
 }
 
 /*
- * A density on the edge of what BOUNDED makes: does it change between 0 and more if wi moves by
- * step?
+ * A density on the edge of what BOUNDED makes, or VCAVITY from behind: does it change between 0 and
+ * more if wi moves by step?
  */
-static bool on_the_edge(const facet_material *m, const double wi[3], const double wo[3], double step)
+static bool on_the_edge(facet_sampler sampler, const facet_material *m, const double wi[3], const double wo[3], double step)
 {
     int zeros = 0;
     for (int axis = 0; axis < 7; axis++) {
         quad i[3] = {wi[0], wi[1], wi[2]}, H[3];
         if (axis < 6) i[axis / 2] += (axis & 1 ? -1 : 1) * (quad)step;
         for (int j = 0; j < 3; j++) H[j] = i[j] + wo[j];
-        zeros += exact_pdf(FACET_SAMPLER_BOUNDED, m, i, wo, H) == 0;
+        zeros += exact_pdf(sampler, m, i, wo, H) == 0;
     }
     return zeros > 0 && zeros < 7;
 }
@@ -326,7 +329,8 @@ static bool check_pdf(const facet_material *m, facet_tier tier, facet_sampler sa
     static const double edge[FACET_TIER_COUNT] = {1e-2, 1e-4, 1e-8, 1e-11};
     /* Above the horizon lib never cuts; the formula may, where wo is a rounded float whose length is not 1. */
     double step = wi[2] > 0 ? fmax(edge[tier], 1e-6) : edge[tier];
-    if (!(error <= bound) && sampler == FACET_SAMPLER_BOUNDED && on_the_edge(m, wi, wo, step))
+    bool edged = sampler == FACET_SAMPLER_BOUNDED || sampler == FACET_SAMPLER_VCAVITY;
+    if (!(error <= bound) && edged && on_the_edge(sampler, m, wi, wo, step))
         return false;
     char name[64];
     snprintf(name, sizeof name, "pdf %s/%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann", facet_sampler_name(sampler),

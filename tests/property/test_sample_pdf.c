@@ -48,22 +48,29 @@ static double gamma_tail(double a, double x)
 
 /*
  * The square that a sampler's directions fill: that of the normals seen from wo; of all normals
- * (NDF, whose H may point down); of cosine^2 and azimuth of wi (COSINE).
+ * where they need not be seen (NDF, VCAVITY from behind the mean facet), H turned up; of sine^2 and azimuth
+ * of wi (COSINE).
  */
 struct square {
     facet_sampler sampler;
+    bool is_all, is_bent; /* is_bent: the density has an edge or a kink within cells */
     struct normals_map map;
     double wo[3];
 };
 
 static struct square square_of(facet_sampler sampler, const facet_material *m, const double wo[3])
 {
-    struct square s = {sampler, normals_map(m, sampler == FACET_SAMPLER_NDF ? NULL : wo), {0}};
+    struct square s = {.sampler = sampler, .map = normals_map(m, wo)};
+    bool vcavity = sampler == FACET_SAMPLER_VCAVITY;
+    s.is_all = sampler == FACET_SAMPLER_NDF || (vcavity && !(s.map.c > 0));
+    s.is_bent = vcavity || sampler == FACET_SAMPLER_BOUNDED;
+    if (s.is_all) s.map = normals_map(m, NULL);
     memcpy(s.wo, wo, sizeof s.wo);
     return s;
 }
 
-static bool where(const struct square *s, const double wi[3], double *p, double *q)
+/* h NULL: that of wi. */
+static bool where(const struct square *s, const double wi[3], const double *h, double *p, double *q)
 {
     if (s->sampler == FACET_SAMPLER_COSINE) {
         double turn = atan2(wi[1], wi[0]) / (2 * acos(-1));
@@ -72,83 +79,91 @@ static bool where(const struct square *s, const double wi[3], double *p, double 
         return wi[2] > 0 && *p < 1 && *q < 1;
     }
     double H[3] = {wi[0] + s->wo[0], wi[1] + s->wo[1], wi[2] + s->wo[2]};
-    for (int j = 0; s->sampler == FACET_SAMPLER_NDF && H[2] < 0 && j < 3; j++) H[j] = -H[j];
-    return normals_where(&s->map, H, p, q);
+    for (int j = 0; s->is_all && H[2] < 0 && j < 3; j++) H[j] = -H[j];
+    return normals_where(&s->map, h ? h : H, p, q);
 }
 
-/* The mirror images of wo in all normals, seen or not. */
-static void mirror_all(const double wo[3], struct normals_rule *rule)
+/* wi at (p, q); returns its solid angle per unit of the square. */
+static double direction_at(const struct square *s, double p, double q, double wi[3])
 {
-    for (size_t k = 0; k < rule->n; k++) {
-        double dot = wo[0] * rule->h[0][k] + wo[1] * rule->h[1][k] + wo[2] * rule->h[2][k];
-        for (int j = 0; j < 3; j++) {
-            rule->i[j][k] = 2 * dot * rule->h[j][k] - wo[j];
-            rule->o[j][k] = wo[j];
-        }
-        rule->cosine[k] = fabs(dot);
+    if (s->sampler == FACET_SAMPLER_COSINE) {
+        double turn = 2 * acos(-1) * q;
+        wi[0] = sqrt(p) * cos(turn), wi[1] = sqrt(p) * sin(turn), wi[2] = sqrt(1 - p);
+        return acos(-1) / wi[2];
     }
+    struct normals_node node = normals_at(&s->map, p, q);
+    double dot = s->is_all ? s->wo[0] * node.h[0] + s->wo[1] * node.h[1] + s->wo[2] * node.h[2] : node.cosine;
+    for (int j = 0; j < 3; j++) wi[j] = 2 * dot * node.h[j] - s->wo[j];
+    return 4 * fabs(dot) * node.area;
 }
 
-/* wi over the square of sine^2 and azimuth: d omega = pi dp dq / cosine. */
-static void fill_hemisphere(struct normals_rule *rule)
+/* What is asked of facet_pdf. */
+struct density {
+    const facet_brdf *brdf;
+    facet_tier tier;
+    const struct square *square;
+    double node[GAUSS_NODES], weight[GAUSS_NODES];
+};
+
+/* The share of the part of size^2 at (p, q), by Gauss's rule. */
+static double part_of(const struct density *d, double p, double q, double size)
 {
-    double x[GAUSS_NODES], w[GAUSS_NODES];
-    normals_gauss(x, w);
-    size_t side = SIDE * GAUSS_NODES;
-    for (size_t k = 0; k < rule->n; k++) {
-        size_t i = k / side, j = k % side;
-        double p = ((double)(i / GAUSS_NODES) + x[i % GAUSS_NODES]) / SIDE;
-        double turn = 2 * acos(-1) * ((double)(j / GAUSS_NODES) + x[j % GAUSS_NODES]) / SIDE;
-        rule->i[0][k] = sqrt(p) * cos(turn);
-        rule->i[1][k] = sqrt(p) * sin(turn);
-        rule->i[2][k] = sqrt(1 - p);
-        rule->weight[k] = w[i % GAUSS_NODES] * w[j % GAUSS_NODES] / (SIDE * SIDE);
-        rule->cosine[k] = acos(-1) / rule->i[2][k] / 4;
+    enum { NODES = GAUSS_NODES * GAUSS_NODES };
+    double i[3][NODES], o[3][NODES], area[NODES], pdf[NODES], sum = 0;
+    for (int k = 0; k < NODES; k++) {
+        int a = k / GAUSS_NODES, b = k % GAUSS_NODES;
+        double wi[3];
+        area[k] = direction_at(d->square, p + size * d->node[a], q + size * d->node[b], wi) * d->weight[a] * d->weight[b];
+        for (int j = 0; j < 3; j++) i[j][k] = wi[j], o[j][k] = d->square->wo[j];
     }
+    CHECK_INT(facet_pdf(d->brdf, d->tier, d->square->sampler, (facet_vec3_in){i[0], i[1], i[2]},
+                        (facet_vec3_in){o[0], o[1], o[2]}, NODES, pdf),
+              FACET_OK);
+    for (int k = 0; k < NODES; k++) sum += area[k] * pdf[k];
+    return sum * size * size;
 }
 
-static bool rule_of(const facet_material *m, facet_sampler sampler, const double wo[3],
-                    struct normals_rule *rule)
+/* The same, by quarters where that makes a difference, as edges do; no more than depth times. */
+static double share_of(const struct density *d, double p, double q, double size, double whole, int depth)
 {
-    if (!normals_rule_create(m, sampler == FACET_SAMPLER_NDF ? NULL : wo, SIDE, rule)) return false;
-    if (sampler == FACET_SAMPLER_NDF) mirror_all(wo, rule);
-    if (sampler == FACET_SAMPLER_COSINE) fill_hemisphere(rule);
-    return true;
+    double part[4], sum = 0, half = size / 2;
+    if (depth == 0) return whole;
+    for (int k = 0; k < 4; k++) sum += part[k] = part_of(d, p + half * (k & 1), q + half * (k >> 1), half);
+    if (fabs(sum - whole) < 1e-5 / CELLS) return sum;
+    sum = 0;
+    for (int k = 0; k < 4; k++) sum += share_of(d, p + half * (k & 1), q + half * (k >> 1), half, part[k], depth - 1);
+    return sum;
 }
 
 /* Share of each cell by quadrature of the pdf that facet_pdf gives. */
 static bool expected_shares(const facet_brdf *brdf, facet_tier tier, const facet_material *m,
-                            facet_sampler sampler, const double wo[3], double share[CELLS])
+                            const struct square *square, int depth, double share[CELLS])
 {
-    /* The edge of BOUNDED runs through cells, where Gauss's rule is off by 1/16 of a cell in each row. */
-    double total = 0, slack = sampler == FACET_SAMPLER_BOUNDED ? 1e-2 : 1e-3;
-    memset(share, 0, CELLS * sizeof *share);
-    struct normals_rule rule; /* one panel per cell */
-    if (!rule_of(m, sampler, wo, &rule)) return false;
-    double *pdf = malloc(rule.n * sizeof *pdf);
-    bool ok = pdf && facet_pdf(brdf, tier, sampler, (facet_vec3_in){rule.i[0], rule.i[1], rule.i[2]},
-                               (facet_vec3_in){rule.o[0], rule.o[1], rule.o[2]}, rule.n,
-                               pdf) == FACET_OK;
-    for (size_t k = 0; ok && k < rule.n; k++) {
-        size_t row = k / (SIDE * GAUSS_NODES) / GAUSS_NODES;
-        size_t column = k % (SIDE * GAUSS_NODES) / GAUSS_NODES;
-        double part = pdf[k] * 4 * rule.cosine[k] * rule.weight[k];
-        share[row * SIDE + column] += part;
-        total += part;
+    struct density d = {.brdf = brdf, .tier = tier, .square = square};
+    const double side = 1.0 / SIDE;
+    /* Without depth Gauss's rule is off by 1/16 of a cell in each row that an edge runs through. */
+    double total = 0, slack = square->is_bent && depth == 0 ? 1e-2 : 1e-3;
+    normals_gauss(d.node, d.weight);
+    for (int k = 0; k < CELLS; k++) {
+        double p = side * (k / SIDE), q = side * (k % SIDE);
+        share[k] = part_of(&d, p, q, side);
+        if (square->is_bent) share[k] = share_of(&d, p, q, side, share[k], depth);
+        total += share[k];
     }
-    if (ok && !(fabs(total - 1) < slack))
-        check_fail(__FILE__, __LINE__, "the pdf of %s integrates to %.9g: %s", facet_sampler_name(sampler),
+    if (!(fabs(total - 1) < slack))
+        check_fail(__FILE__, __LINE__, "the pdf of %s integrates to %.9g: %s", facet_sampler_name(square->sampler),
                    total, draw_text(m));
-    free(pdf);
-    normals_rule_destroy(&rule);
-    return ok;
+    return true;
 }
 
-/* Counts per cell; the last entry counts what fell outside. */
+/*
+ * Counts per cell; the last entry counts what fell outside.  A float's wi does not tell narrow
+ * slopes apart at a grazing angle (H = wi + wo is short there), its h does.
+ */
 static void count(const facet_brdf *brdf, facet_tier tier, const struct square *square,
                   size_t batches, struct rng *rng, double counts[CELLS + 1])
 {
-    static double o[3][BATCH], u1[BATCH], u2[BATCH], wi[3][BATCH];
+    static double o[3][BATCH], u1[BATCH], u2[BATCH], wi[3][BATCH], h[3][BATCH];
     memset(counts, 0, (CELLS + 1) * sizeof *counts);
     for (int j = 0; j < 3; j++)
         for (int k = 0; k < BATCH; k++) o[j][k] = square->wo[j];
@@ -157,13 +172,13 @@ static void count(const facet_brdf *brdf, facet_tier tier, const struct square *
             u1[k] = rng_uniform(rng);
             u2[k] = rng_uniform(rng);
         }
-        facet_samples s = {.wi = {wi[0], wi[1], wi[2]}};
+        facet_samples s = {.wi = {wi[0], wi[1], wi[2]}, .h = {h[0], h[1], h[2]}};
         CHECK_INT(facet_sample(brdf, tier, square->sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2,
                                BATCH, &s),
                   FACET_OK);
         for (int k = 0; k < BATCH; k++) {
-            double p, q, one[3] = {wi[0][k], wi[1][k], wi[2][k]};
-            size_t cell = where(square, one, &p, &q) ? (size_t)(p * SIDE) * SIDE + (size_t)(q * SIDE) : CELLS;
+            double p, q, one[3] = {wi[0][k], wi[1][k], wi[2][k]}, normal[3] = {h[0][k], h[1][k], h[2][k]};
+            size_t cell = where(square, one, tier < FACET_EXACT32 ? normal : NULL, &p, &q) ? (size_t)(p * SIDE) * SIDE + (size_t)(q * SIDE) : CELLS;
             counts[cell < CELLS ? cell : CELLS]++;
         }
     }
@@ -201,20 +216,20 @@ static void view(double theta_degrees, double phi, double wo[3])
     wo[2] = cos(theta);
 }
 
-/* The p-value of one sampler, material and direction; 1 where there is no such sampler. */
+/* The p-value of one sampler, material and direction, which is to pass with `tests` of its like. */
 static double p_of(facet_tier tier, facet_sampler sampler, const facet_material *m, const double wo[3],
-                   size_t batches, struct rng *rng)
+                   size_t batches, int depth, size_t tests, struct rng *rng)
 {
+    struct square square = square_of(sampler, m, wo);
     static double share[CELLS], counts[CELLS + 1];
     facet_brdf *brdf = NULL;
     double p = 1;
     CHECK_INT(facet_brdf_create(m, &brdf), FACET_OK);
-    if (brdf && expected_shares(brdf, tier, m, sampler, wo, share)) {
-        struct square square = square_of(sampler, m, wo);
+    if (brdf && expected_shares(brdf, tier, m, &square, depth, share)) {
         count(brdf, tier, &square, batches, rng, counts);
         p = p_value(share, counts, (double)batches * BATCH);
     }
-    if (!(p * TESTS > 0.01))
+    if (!(p * (double)tests > 0.01))
         check_fail(__FILE__, __LINE__, "%s: p = %.3g, %g outside: wo_z %g, %s", facet_sampler_name(sampler), p,
                    counts[CELLS], wo[2], draw_text(m));
     facet_brdf_destroy(brdf);
@@ -233,7 +248,7 @@ static void chi_squared(facet_tier tier, facet_sampler sampler, size_t batches)
             m.fresnel.channels = 1;
             double wo[3];
             view(degrees[v], 0.7 + s, wo);
-            worst = fmin(worst, p_of(tier, sampler, &m, wo, batches, &rng));
+            worst = fmin(worst, p_of(tier, sampler, &m, wo, batches, 0, TESTS, &rng));
         }
     check_note("smallest p times tests", worst * TESTS);
 }
@@ -266,9 +281,80 @@ TEST(samples_of_all_normals_follow_their_pdf)
     chi_squared(FACET_FAST, FACET_SAMPLER_NDF, draw_count(20));
 }
 
+TEST(vcavity_samples_follow_their_pdf)
+{
+    chi_squared(FACET_PRECISE, FACET_SAMPLER_VCAVITY, draw_count(20));
+    chi_squared(FACET_FAST, FACET_SAMPLER_VCAVITY, draw_count(20));
+}
+
 TEST(cosine_samples_follow_their_pdf)
 {
     chi_squared(FACET_FAST, FACET_SAMPLER_COSINE, draw_count(10));
+}
+
+/* ---- on a whole grid, at length ------------------------------------------------------------- */
+
+static const double grid_alpha[] = {1e-3, 1e-2, 0.1, 0.5, 1, 4}, grid_degrees[] = {0, 30, 60, 85, 89.9};
+static const char *const grid_shape[] = {"isotropic", "rho .7", "sheared"};
+
+struct grid_point {
+    facet_sampler sampler;
+    facet_material material;
+    int shape;
+    double degrees, wo[3];
+};
+
+/* The k-th of the grid; false past the last. */
+static bool grid_at(size_t k, struct grid_point *at)
+{
+    for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
+        for (int sampler = FACET_SAMPLER_AUTO + 1; sampler < FACET_SAMPLER_COUNT; sampler++) {
+            enum { ALPHAS = 6, SHAPES = 3, DEGREES = 5, EACH = ALPHAS * SHAPES * DEGREES };
+            if (!facet_sampler_serves((facet_sampler)sampler, (facet_ndf)ndf)) continue;
+            if (k >= EACH) {
+                k -= EACH;
+                continue;
+            }
+            double alpha = grid_alpha[k % ALPHAS];
+            *at = (struct grid_point){.sampler = (facet_sampler)sampler,
+                                      .material = {.ndf = (facet_ndf)ndf, .fresnel = {.channels = 1}},
+                                      .shape = (int)(k / ALPHAS % SHAPES), .degrees = grid_degrees[k / ALPHAS / SHAPES]};
+            at->material.roughness = (facet_roughness){alpha, alpha, 0, 0, 0};
+            if (at->shape == 1) at->material.roughness.alpha_y = 0.5 * alpha, at->material.roughness.rho = 0.7;
+            if (at->shape == 2) at->material.roughness.slope_x = 0.3, at->material.roughness.slope_y = -0.2;
+            view(at->degrees, 0.7 + 1.3 * (double)(k % 5), at->wo);
+            return true;
+        }
+    return false;
+}
+
+/*
+ * Every sampler, distribution, shape, alpha and angle: some of them with 10^6 samples each, or all of
+ * them with $FACET_CHI2 samples (make chi2), their figures printed.
+ */
+TEST(every_sampler_at_length)
+{
+    const char *asked = getenv("FACET_CHI2");
+    size_t stride = asked ? 1 : 151, points = 0, tests = 0;
+    size_t batches = asked ? (size_t)(strtod(asked, NULL) / BATCH) : draw_count(1000);
+    struct grid_point at;
+    struct rng rng;
+    double worst = 1;
+    rng_seed(&rng, 32);
+    while (grid_at(points, &at)) points++;
+    for (size_t k = stride / 2; k < points; k += stride) tests++;
+    for (size_t k = stride / 2; k < points && grid_at(k, &at); k += stride) {
+        facet_tier tier = asked || k & 1 ? FACET_PRECISE : FACET_FAST;
+        double p = p_of(tier, at.sampler, &at.material, at.wo, batches, 7, tests, &rng);
+        worst = fmin(worst, p);
+        if (!asked) continue;
+        printf("%-8s %-8s %-9s alpha %-5g theta %-4g  p = %.4g\n", at.material.ndf == FACET_GGX ? "ggx" : "beckmann",
+               facet_sampler_name(at.sampler), grid_shape[at.shape], at.material.roughness.alpha_x, at.degrees, p);
+        fflush(stdout);
+    }
+    check_note("tests", (double)tests);
+    check_note("samples each", (double)batches * BATCH);
+    check_note("smallest p times tests", worst * (double)tests);
 }
 
 /* chi^2 itself: known quantiles, 3.841 (1 degree) and 18.307 (10 degrees) at 5 %. */

@@ -13,16 +13,22 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+/* Not hypot: nothing here comes near the ends of the range, and it would be the slowest part. */
+static double length_of(double x, double y)
+{
+    return sqrt(x * x + y * y);
+}
+
 static double tangent(const struct surface *s, const double k[3])
 {
-    return hypot(s->alpha_x * k[0], s->alpha_y * k[1]);
+    return length_of(s->alpha_x * k[0], s->alpha_y * k[1]);
 }
 
 /* Projected area of the visible facets. */
 static double area(const struct surface *s, const double k[3])
 {
     double t = tangent(s, k), c = k[2];
-    if (s->ndf == GGX) return c >= 0 ? (c + hypot(t, c)) / 2 : t * t / (2 * (hypot(t, c) - c));
+    if (s->ndf == GGX) return c >= 0 ? (c + length_of(t, c)) / 2 : t * t / (2 * (length_of(t, c) - c));
     if (t == 0) return fmax(c, 0);
     double v = c / t;
     return c * erfc(-v) / 2 + t * exp(-v * v) / (2 * sqrt(PI));
@@ -65,7 +71,7 @@ static void finish(const struct surface *s, const double o[3], const double norm
     for (int k = 0; k < 3; k++) out->h[k] = normal[k] / length;
     double twice = 2 * dot(o, out->h);
     for (int k = 0; k < 3; k++) out->wi[k] = twice * out->h[k] - o[k];
-    out->pdf = density_over_d * normals(s, out->h);
+    out->pdf_over_d = density_over_d;
     out->weight = twice > 0 ? fr_cos_over_d(s, out->wi, o, out->h) / density_over_d : 0;
 }
 
@@ -76,6 +82,11 @@ static void draw_normal(const struct surface *s, double u1, double u2, double h[
     h[0] = -x / length;
     h[1] = -y / length;
     h[2] = 1 / length;
+}
+
+double sample_pdf(const struct surface *s, const struct sample *sample)
+{
+    return sample->pdf_over_d * normals(s, sample->h);
 }
 
 void sample_ndf(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
@@ -129,7 +140,7 @@ void sample_caps(const struct surface *s, const double o[3], double u1, double u
 /* Isotropic alpha > 1 by the sign form, which bounds more tightly. */
 static double cap_share(const struct surface *s, const double o[3])
 {
-    double side = hypot(o[0], o[1]), a = fmin(fmin(s->alpha_x, s->alpha_y), 1), sign = 1;
+    double side = length_of(o[0], o[1]), a = fmin(fmin(s->alpha_x, s->alpha_y), 1), sign = 1;
     if (s->alpha_x == s->alpha_y && s->alpha_x > 1) {
         a = s->alpha_x;
         sign = -1;
@@ -142,7 +153,7 @@ void sample_bounded(const struct surface *s, const double o[3], double u1, doubl
 {
     double h[3], share = cap_share(s, o);
     draw_cap(s, o, u1, u2, share, h);
-    finish(s, o, h, 1 / (2 * (share * o[2] + hypot(tangent(s, o), o[2]))), out);
+    finish(s, o, h, 1 / (2 * (share * o[2] + length_of(tangent(s, o), o[2]))), out);
 }
 
 /* ---- Slopes ------------------------------------------------------------------------------ */
@@ -174,7 +185,7 @@ static double ggx_across(double u)
 /* tan of asin(u (1 + c) - c) - theta: the singularity at A^2 = 1 of the printed root is gone. */
 void sample_slope_ggx(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
 {
-    double t = tangent(s, o), r = hypot(t, o[2]), c = o[2] / r;
+    double t = tangent(s, o), r = length_of(t, o[2]), c = o[2] / r;
     double x = tan(asin(fmin(fmax(u1 * (1 + c) - c, -1), 1)) - acos(fmin(c, 1)));
     x = fmax(x, -1e8);
     from_slopes(s, o, x, ggx_across(u2) * sqrt(1 + x * x), out);

@@ -13,10 +13,11 @@ struct surface {
     double alpha_x, alpha_y;
 };
 
-/* pdf per solid angle of wi; weight = fr cos theta_i / pdf, 0 where wi lies below the horizon. */
+/* pdf_over_d: density per solid angle of wi over D; weight = fr cos theta_i / pdf, 0 where wi lies below the horizon. */
 struct sample {
-    double wi[3], h[3], pdf, weight;
+    double wi[3], h[3], pdf_over_d, weight;
 };
+double sample_pdf(const struct surface *surface, const struct sample *sample);
 
 typedef void sampler(const struct surface *surface, const double wo[3], double u1, double u2,
                      struct sample *sample);

@@ -437,6 +437,31 @@ TEST(pdf_is_the_density_of_eval)
     answer_clear(&pdf);
 }
 
+/* Whoever samples by name finds that method's density beside fr. */
+TEST(eval_has_the_pdf_of_the_sampler_named)
+{
+    static const char *const names[] = {"caps", "bounded", "ndf", "cosine", "vcavity"};
+    for (int k = 0; k < 5; k++) {
+        char body[400];
+        snprintf(body, sizeof body, "{" GGX "," PAIR ",\"sampler\":\"%s\",\"tolerance\":1e-12}", names[k]);
+        struct answer pdf = ask_post("/v1/pdf", body);
+        snprintf(body, sizeof body,
+                 "{" GGX "," PAIR ",\"sampler\":\"%s\",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12}", names[k]);
+        struct answer eval = ask_post("/v1/eval", body);
+        CHECK_STR(answer_text(&eval, "sampler"), names[k]);
+        CHECK_REL(answer_number(&eval, "pdf", 0), answer_number(&pdf, "pdf", 0), 1e-12, 0);
+        answer_clear(&pdf);
+        answer_clear(&eval);
+    }
+    struct answer plain = ask_post("/v1/eval", "{" GGX "," PAIR ",\"outputs\":[\"pdf\"]}");
+    CHECK(!json_object_get(plain.json, "sampler"));
+    answer_clear(&plain);
+    plain = ask_post("/v1/eval", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR ",\"sampler\":\"caps\"}");
+    CHECK_INT(plain.response.status, 422);
+    CHECK_STR(answer_error(&plain, "pointer"), "/sampler");
+    answer_clear(&plain);
+}
+
 TEST(a_table_of_the_ggx_shape_is_ggx)
 {
     /* log D of GGX with alpha 1 is constant in theta: -log pi. */

@@ -92,7 +92,7 @@ TEST(bounded_wastes_nothing_from_above)
 TEST(vcavity_pdf_is_that_of_the_twins)
 {
     for (int ndf = 0; ndf < 2; ndf++)
-        for (int s = 0; s < 4; s++)
+        for (int s = 0; s < 5; s++)
             for (int v = 0; v < 3; v++) {
                 facet_material m = material(ndf, s);
                 struct reference_twins t = reference_vcavity(&m, views[v], 0.3, 0.7);

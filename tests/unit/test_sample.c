@@ -129,6 +129,7 @@ TEST(samplers_by_name)
     static const struct {
         const char *ndf, *sampler;
     } cases[] = {{"ggx", "caps"},    {"ggx", "bounded"},      {"ggx", "slope"}, {"ggx", "ndf"},      {"ggx", "cosine"},
+                 {"ggx", "vcavity"}, {"beckmann", "vcavity"},
                  {"beckmann", "slope"}, {"beckmann", "ndf"}, {"beckmann", "cosine"}};
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         char body[600];
@@ -189,6 +190,6 @@ TEST(a_refused_sampler_names_those_there_are)
     struct answer a = ask_post("/v1/sample", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],"
                                              "\"n\":1,\"sampler\":\"bounded\"}");
     CHECK_INT(a.response.status, 422);
-    CHECK_STR(answer_error(&a, "detail"), "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine");
+    CHECK_STR(answer_error(&a, "detail"), "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine, vcavity");
     answer_clear(&a);
 }
