@@ -275,11 +275,8 @@ static void find_input_error(struct job *job)
 static bool prepare(struct call *call, struct job *job)
 {
     struct decoder decoder = {call->arena, call->problem};
-    struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0},
-                 ndf = {&material, "ndf", 0};
+    struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0};
     const struct sample_request *in = job->in;
-    if (in->material.ndf == FACET_TABULATED)
-        return api_problem_at(call->problem, &ndf, "\"tabulated\" cannot be sampled yet");
     if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) || !check_lobe(in, call->problem) ||
         !api_material_open(&in->material, &material, &decoder, &job->surface))
         return false;

@@ -13,8 +13,9 @@ extern const char *const api_sampler_names[];
         MEMBER(type_, sampler), FIELD_ENUM, FIELD_DEFAULT,                                         \
             .names = api_sampler_names,                                                            \
             .doc = "visible normals: caps (ggx; bounded: without most of what falls below the "    \
-                   "horizon), slope; vcavity: those of V-cavities; ndf: all normals; cosine: of "   \
-                   "wi; auto: caps for ggx, slope for beckmann"                                                       \
+                   "horizon), slope, table (tabulated); vcavity: those of V-cavities; ndf: all "    \
+                   "normals; cosine: of wi; auto: caps for ggx, slope for beckmann, table for "     \
+                   "tabulated"                                                                      \
     }
 
 /* The methods that sample this distribution, a bit each; AUTO is not among them. */

@@ -3,6 +3,7 @@
  * correlation, Fresnel constants and computed directions add to it.
  */
 #include "batch.h"
+#include "slope_table.h"
 
 #include <math.h>
 
@@ -186,6 +187,18 @@ static bool float_domain(const facet_brdf *b, facet_quantity quantity)
     return b->floats_hold;
 }
 
+/*
+ * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest.
+ * Behind the mean facet sigma is all excess, and right to psi_error.
+ */
+static double table_error(const facet_brdf *b, facet_quantity quantity)
+{
+    if (b->material.ndf != FACET_TABULATED || quantity == FACET_D) return 0;
+    const facet_slope_table *table = b->material.table;
+    bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
+    return fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
+}
+
 static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
 {
     double gain = slope_gain(b->material.ndf);
@@ -202,7 +215,7 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
     if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT) return false;
     if (tier < FACET_EXACT32 && !float_domain(b, quantity)) return false;
     double base = base_bound(tier, b->material.ndf, quantity);
-    double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error);
+    double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error) + table_error(b, quantity);
     if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)
         value += fresnel_bound(b, tier, quantity == FACET_F, input_error);
     *bound = value;
@@ -256,6 +269,16 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
     return true;
 }
 
+/*
+ * What inverting a table's CDF adds: amounts are right to some roundings, and the affine map
+ * stretches an angle by the ratio of the radii.
+ */
+static double quantile_error(const facet_brdf *b, facet_sampler method)
+{
+    if (b->material.ndf != FACET_TABULATED || method == FACET_SAMPLER_COSINE) return 0;
+    return 256 * DOUBLE_ROUNDING * b->material.table->quantile_gain * (1 + form_condition(b));
+}
+
 bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
 {
     *bound = INFINITY;
@@ -265,6 +288,8 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
     facet_sampler method = sampler == FACET_SAMPLER_AUTO ? facet_sampler_auto(b->material.ndf) : sampler;
-    *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) + caps_stretch(b, tier);
+    /* Its density divides by sigma as it is, not as it is tabulated. */
+    if (method == FACET_SAMPLER_TABLE && !facet_bound(b, tier, FACET_D, input_error, &pdf)) return false;
+    *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) + caps_stretch(b, tier) + quantile_error(b, method);
     return true;
 }

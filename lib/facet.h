@@ -198,13 +198,14 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
 
 /* How directions are sampled: see facet_sample. */
 #define FACET_SAMPLER_MAP(X)                                                    \
-    X(AUTO, "auto")       /* CAPS for GGX, SLOPE for Beckmann: FACET_PDF is theirs */ \
+    X(AUTO, "auto")       /* CAPS for GGX, SLOPE for Beckmann, TABLE for tables: FACET_PDF is theirs */ \
     X(CAPS, "caps")       /* visible normals by spherical caps; GGX */          \
     X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */ \
     X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */        \
     X(NDF, "ndf")         /* all normals, seen or not */                        \
     X(COSINE, "cosine")   /* wi by its cosine, whatever the material */         \
-    X(VCAVITY, "vcavity") /* visible normals of V-cavities (masking VGROOVE) */
+    X(VCAVITY, "vcavity") /* visible normals of V-cavities (masking VGROOVE) */   \
+    X(TABLE, "table")     /* visible normals of a tabulated distribution */
 
 typedef enum facet_sampler {
 #define FACET_SAMPLER_ENUM(id, name) FACET_SAMPLER_##id,
@@ -334,6 +335,10 @@ typedef struct facet_samples {
  *   VCAVITY  the normals that VGROOVE shows wo, so that its weight never exceeds the Fresnel
  *            term: tan theta_h by u1, the azimuth about wo's by u2, both monotone
  *            (Heitz & d'Eon 2014, algorithm 3, its random swap folded into the azimuth); any shear.
+ *   TABLE    visible normals of a tabulated distribution: the ring of slopes, then the
+ *            place on it, both CDFs inverted exactly, in double whatever the tier.  u1 grows
+ *            with |slope|; where a table has a gap, within 1e-12 of its level u1 may fall on
+ *            either side.
  */
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
                           const double *u1, const double *u2, size_t n, const facet_samples *samples);
@@ -352,8 +357,7 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_s
 
 /*
  * Density with which the sampler makes wi from wo, per solid angle, over the whole
- * sphere; 0 where it never goes.  AUTO also serves tabulated materials: their
- * visible normals.
+ * sphere; 0 where it never goes.
  */
 facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
                        facet_vec3_in wo, size_t n, double *pdf);

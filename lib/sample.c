@@ -1,6 +1,6 @@
 /* sample.c - batches of samples: visible normals drawn and reflected, then weighed. */
 #include "batch.h"
-
+#include "table_sample.h"
 
 const char *facet_sampler_name(facet_sampler sampler)
 {
@@ -15,6 +15,7 @@ facet_sampler facet_sampler_auto(facet_ndf ndf)
     switch (ndf) {
     case FACET_GGX: return FACET_SAMPLER_CAPS;
     case FACET_BECKMANN: return FACET_SAMPLER_SLOPE;
+    case FACET_TABULATED: return FACET_SAMPLER_TABLE;
     default: return FACET_SAMPLER_AUTO;
     }
 }
@@ -25,7 +26,9 @@ bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
     switch (sampler) {
     case FACET_SAMPLER_CAPS:
     case FACET_SAMPLER_BOUNDED: return ndf == FACET_GGX;
-    case FACET_SAMPLER_VCAVITY: return ndf != FACET_TABULATED;
+    case FACET_SAMPLER_VCAVITY:
+    case FACET_SAMPLER_SLOPE: return ndf != FACET_TABULATED;
+    case FACET_SAMPLER_TABLE: return ndf == FACET_TABULATED;
     default: return (unsigned)sampler < FACET_SAMPLER_COUNT;
     }
 }
@@ -43,7 +46,8 @@ facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, fac
     if (sampler == FACET_SAMPLER_AUTO) return FACET_OK;
     if (!facet_sampler_serves(sampler, b->material.ndf)) return FACET_UNSUPPORTED;
     facet_sampler method = method_of(b, sampler);
-    if (method != FACET_SAMPLER_CAPS && method != FACET_SAMPLER_SLOPE) *density = method;
+    bool of_visible = method == FACET_SAMPLER_CAPS || method == FACET_SAMPLER_SLOPE || method == FACET_SAMPLER_TABLE;
+    if (!of_visible) *density = method;
     return FACET_OK;
 }
 
@@ -59,6 +63,11 @@ struct drawn {
 /* A method that a tier does not have runs in the next. */
 static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 {
+    kernel_sample_fn *of_table = facet_table_draw(d->method);
+    if (d->brdf->material.ndf == FACET_TABULATED && of_table) {
+        *io = KERNEL_DOUBLE;
+        return of_table;
+    }
     for (int t = (int)facet_batch_tier(d->brdf, d->tier); t < FACET_TIER_COUNT; t++) {
         facet_kernels_nearest((facet_tier)t, d->wo[0].io, io);
         const struct facet_samplers *samplers = facet_samplers_for((facet_tier)t, *io);

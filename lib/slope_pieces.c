@@ -1,11 +1,12 @@
 #include "slope_pieces.h"
 
 #include "gauss.h"
+#include "slope_ring.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
+#define PI RING_PI
 
 /* Where log_q lies this far below its peak it adds nothing that a sum of doubles could hold. */
 #define NEGLIGIBLE 150.0
@@ -27,22 +28,6 @@ static double cubic(const double *c, double t)
     return c[0] + t * (c[1] + t * (c[2] + t * c[3]));
 }
 
-static double log_q_at(struct kernel_cubic log_q, size_t cell, double u)
-{
-    return cubic(log_q.c + 4 * cell, u * (double)log_q.cells - (double)cell);
-}
-
-static double slope_at(double scale, double u)
-{
-    return scale * u / (1 - u);
-}
-
-/* Density of rings per u: 2 pi r P(r) dr/du with P = exp(log_q) (1 - u)^4. */
-static double ring_density(double scale, double log_q, double u)
-{
-    return 2 * PI * scale * scale * u * (1 - u) * exp(log_q);
-}
-
 static bool add_piece(struct cutter *cutter, size_t cell, double u0, double u1)
 {
     struct slope_pieces *to = cutter->to;
@@ -57,9 +42,9 @@ static bool add_piece(struct cutter *cutter, size_t cell, double u0, double u1)
     *piece = (struct slope_piece){.u0 = u0, .u1 = u1, .cell = cell};
     for (size_t i = 0; i < PIECE_POINTS; i++) {
         double u = u0 + (u1 - u0) * to->node[i];
-        piece->r[i] = slope_at(to->scale, u);
+        piece->r[i] = ring_slope(to->scale, u);
         piece->weight[i] =
-            (u1 - u0) * to->gauss[i] * ring_density(to->scale, log_q_at(to->log_q, cell, u), u);
+            (u1 - u0) * to->gauss[i] * ring_density(to->scale, ring_log_q(to->log_q, cell, u), u);
     }
     return true;
 }
@@ -69,7 +54,7 @@ static bool is_short(const struct cutter *cutter, size_t cell, double u0, double
 {
     double low = INFINITY, high = -INFINITY;
     for (int i = 0; i <= 4; i++) {
-        double y = log_q_at(cutter->to->log_q, cell, u0 + (u1 - u0) * i / 4);
+        double y = ring_log_q(cutter->to->log_q, cell, u0 + (u1 - u0) * i / 4);
         low = fmin(low, y);
         high = fmax(high, y);
     }
@@ -84,7 +69,7 @@ static bool cut_cell(struct cutter *cutter, size_t cell)
         double b = end, middle;
         while (!is_short(cutter, cell, a, b) && (middle = a + (b - a) / 2) > a && middle < b)
             b = middle;
-        double high = fmax(log_q_at(log_q, cell, a), log_q_at(log_q, cell, b));
+        double high = fmax(ring_log_q(log_q, cell, a), ring_log_q(log_q, cell, b));
         if (high >= cutter->peak - NEGLIGIBLE && !add_piece(cutter, cell, a, b)) return false;
         a = b;
     }
@@ -104,6 +89,11 @@ static void accumulate_moments(struct slope_pieces *pieces)
         }
         piece->mass = mass;
         for (size_t k = 0; k < PIECE_MOMENTS; k++) piece->moment[k] = moment[k];
+    }
+    double below = 0; /* summed from 0, where it is small */
+    for (size_t p = 0; p < pieces->count; p++) {
+        pieces->piece[p].below = below;
+        for (size_t i = 0; i < PIECE_POINTS; i++) below += pieces->piece[p].weight[i];
     }
 }
 
@@ -137,21 +127,12 @@ struct psi {
     double value, derivative;
 };
 
-/*
- * Add a ring of slope r and probability weight: the mean of max(r cos phi - v, 0)
- * is r (sin t - t cos t)/pi, cos t = v/r.  rest = (r - v)/r is handed over
- * because it cancels; the bracket does too, hence its series for small t.
- */
+/* Add a ring of slope r and probability weight. */
 static void add_ring(struct psi *psi, double weight, double r, double rest)
 {
-    double t = 2 * asin(sqrt(rest / 2)), t2 = t * t, bracket;
-    if (t < 0.3)
-        bracket =
-            t * t2 * (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
-    else
-        bracket = sqrt(rest * (2 - rest)) - t * (1 - rest);
-    psi->value += weight * r * bracket / PI;
-    psi->derivative -= weight * t / PI;
+    struct ring ring = ring_seen(r, rest);
+    psi->value += weight * ring.value;
+    psi->derivative += weight * ring.derivative;
 }
 
 /*
@@ -173,20 +154,27 @@ static void add_far(struct psi *psi, const struct slope_pieces *pieces, size_t p
     psi->derivative += (v > 0 ? slope / (v * PI) : 0) - piece->mass / 2;
 }
 
+double facet_slope_pieces_far(const struct slope_pieces *pieces, size_t p, double v)
+{
+    struct psi psi = {0, 0};
+    if (p < pieces->count) add_far(&psi, pieces, p, v);
+    return psi.value;
+}
+
 /* Rings of one piece from u = a on, near r = v: in y = sqrt(u - u_v) the ring term is analytic. */
 static void add_near(struct psi *psi, const struct slope_pieces *pieces, size_t p, double v)
 {
     const struct slope_piece *piece = &pieces->piece[p];
     double b = pieces->scale, uv = v / (b + v), a = fmax(piece->u0, uv);
     while (a < piece->u1) {
-        double ra = slope_at(b, a), end = fmin(2 * ra / (b + 2 * ra), piece->u1);
+        double ra = ring_slope(b, a), end = fmin(2 * ra / (b + 2 * ra), piece->u1);
         if (piece->u1 == 1 && a > uv) end = 1;
         if (!(end > a)) break;
         double y0 = sqrt(a - uv), y1 = sqrt(end - uv);
         for (size_t i = 0; i < PIECE_POINTS; i++) {
-            double y = y0 + (y1 - y0) * pieces->node[i], u = uv + y * y, r = slope_at(b, u);
+            double y = y0 + (y1 - y0) * pieces->node[i], u = uv + y * y, r = ring_slope(b, u);
             double rest = b * y * y / ((1 - u) * (1 - uv) * r);
-            double density = ring_density(b, log_q_at(pieces->log_q, piece->cell, u), u);
+            double density = ring_density(b, ring_log_q(pieces->log_q, piece->cell, u), u);
             add_ring(psi, density * 2 * y * (y1 - y0) * pieces->gauss[i], r, fmin(rest, 1));
         }
         a = end;
@@ -207,7 +195,7 @@ double facet_slope_pieces_psi(const struct slope_pieces *pieces, double v, doubl
     }
     for (size_t p = low; p < pieces->count; p++) {
         const struct slope_piece *piece = &pieces->piece[p];
-        double r0 = slope_at(b, piece->u0), r1 = slope_at(b, piece->u1);
+        double r0 = ring_slope(b, piece->u0), r1 = ring_slope(b, piece->u1);
         if (r0 >= 2 * v) {
             add_far(&psi, pieces, p, v);
             break;

@@ -19,6 +19,7 @@ struct slope_piece {
     double weight[PIECE_POINTS]; /* 2 pi r P(r) dr: probability of the node's ring */
     /* Sums over this piece and all that follow: of the weights, and of weight r (r/scale)^(-2k). */
     double mass, moment[PIECE_MOMENTS];
+    double below; /* the weights of all that precede */
 };
 
 struct slope_pieces {
@@ -39,5 +40,8 @@ void facet_slope_pieces_clear(struct slope_pieces *pieces);
  * |c| because sigma(-k) = sigma(k) - c.
  */
 double facet_slope_pieces_psi(const struct slope_pieces *pieces, double v, double *derivative);
+
+/* What the pieces from p on (of count or more: nothing) add to psi(v), where all their rings have r >= 2 v. */
+double facet_slope_pieces_far(const struct slope_pieces *pieces, size_t p, double v);
 
 #endif

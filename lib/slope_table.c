@@ -1,6 +1,6 @@
 #include "slope_table.h"
 
-#include "slope_pieces.h"
+#include "slope_quantile.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -16,7 +16,7 @@
 #define PSI_CELLS_MIN 128
 #define PSI_CELLS_MAX 2048
 #define SIGMA_ERROR 2e-10
-#define PSI_ERROR 1e-6
+#define PSI_ERROR 2.5e-7
 
 /* ---- log_q: spline ----------------------------------------------------------------- */
 
@@ -265,24 +265,24 @@ static facet_status fill(facet_slope_table *table, const double *log_d, size_t n
     size_t cells = n - 1;
     double *c = table->coefficients, *y = work, *m = work + n, *rest = work + 2 * n;
     struct psi_node *node = (struct psi_node *)(work + 3 * n), *between = node + PSI_CELLS_MAX + 1;
-    struct slope_pieces pieces;
+    struct slope_pieces *pieces = &table->pieces;
     table->view.log_q = (struct kernel_cubic){c, cells};
     start_nodes(table->view.slope_scale, log_d, n, y);
     for (int pass = 0; pass < 2; pass++) { /* pass 0 finds the norm */
         tabulate_log_q(y, n, c, m, rest);
         facet_status status =
-            facet_slope_pieces_create(table->view.slope_scale, table->view.log_q, &pieces);
+            facet_slope_pieces_create(table->view.slope_scale, table->view.log_q, pieces);
         if (status != FACET_OK) return status;
         if (pass == 1) break;
-        double norm = pieces.piece[0].mass;
-        facet_slope_pieces_clear(&pieces);
+        double norm = pieces->piece[0].mass;
+        facet_slope_pieces_clear(pieces);
         if (!(norm > 0) || !isfinite(norm)) return FACET_BAD_TABLE;
         for (size_t i = 0; i < n; i++)
             if (!is_zero(y[i])) y[i] = fmax(y[i] - log(norm), KERNEL_LOG_ZERO);
     }
     measure_log_q(table);
-    tabulate_sigma(table, &pieces, c + 4 * cells, node, between);
-    facet_slope_pieces_clear(&pieces);
+    table->quantile_gain = facet_slope_quantile_gain(pieces);
+    tabulate_sigma(table, pieces, c + 4 * cells, node, between);
     return FACET_OK;
 }
 
@@ -304,12 +304,13 @@ facet_status facet_slope_table_create(double scale, const double *log_d, size_t 
     if (status == FACET_OK)
         *table = made;
     else
-        free(made);
+        facet_slope_table_destroy(made);
     return status;
 }
 
 void facet_slope_table_destroy(facet_slope_table *table)
 {
+    if (table) facet_slope_pieces_clear(&table->pieces);
     free(table);
 }
 

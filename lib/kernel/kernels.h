@@ -129,10 +129,12 @@ struct facet_kernels {
  * (into out[KERNEL_PDF] and out[KERNEL_WEIGHT]).  pdf and weight NULL where draw
  * is not: visible normals, facet_kernels' own.
  */
+enum { KERNEL_SAMPLER_COUNT = FACET_SAMPLER_TABLE }; /* table_sample.c draws TABLE, the last */
+
 struct facet_samplers {
-    kernel_sample_fn *draw[FACET_NDF_COUNT][FACET_SAMPLER_COUNT]; /* NULL: not in this tier */
-    kernel_eval_fn *pdf[FACET_NDF_COUNT][FACET_SAMPLER_COUNT];
-    kernel_eval_fn *weight[FACET_NDF_COUNT][FACET_SAMPLER_COUNT][KERNEL_MASKING_COUNT];
+    kernel_sample_fn *draw[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT]; /* NULL: not in this tier */
+    kernel_eval_fn *pdf[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT];
+    kernel_eval_fn *weight[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT][KERNEL_MASKING_COUNT];
 };
 
 #endif

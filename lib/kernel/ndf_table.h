@@ -31,9 +31,10 @@ INLINE real exp_any(real x)
     return select(less(splat(0), x), quotient(splat(1), real_max(e, splat(REAL_MIN))), e);
 }
 
+/* Even in H, as the other distributions are: pdf_ndf turns it up. */
 INLINE real table_density(const struct kernel_surface *s, struct half h)
 {
-    real r = root_from_zero(madd(h.x, h.x, h.y * h.y)), bz = R(s->table->slope_scale) * h.z;
+    real r = root_from_zero(madd(h.x, h.x, h.y * h.y)), bz = R(s->table->slope_scale) * real_abs(h.z);
     real inverse = recip(bz + r), near = R(s->table->slope_scale) * inverse;
     real q = R(SQRT_PI) * h.hh * near * near; /* weight^4 = pi det */
     return q * q * exp_any(cubic_at(s->table->log_q, r * inverse));

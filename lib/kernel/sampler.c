@@ -205,6 +205,7 @@ const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA
         [FACET_BECKMANN] = { [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN, [FACET_SAMPLER_COSINE] = draw_COSINE,
                              [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN, [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_BECKMANN,
         },
+        [FACET_TABULATED] = { [FACET_SAMPLER_COSINE] = draw_COSINE }, /* the others: table_sample.c */
     },
 #define PDF_LOOP(sampler, function, ndf) .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,
 #define WEIGHT_LOOP(sampler, function, ndf, masking)                                            \

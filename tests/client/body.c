@@ -1,4 +1,6 @@
 #include "body.h"
+
+#include "merl.h"
 #include "image.h"
 
 #include <stdbool.h>
@@ -57,22 +59,6 @@ static char *directions(size_t n, size_t *size)
 {
     return repeated("{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":[0,0,1",
                     ",0,0,1", n - 1, "]}", size);
-}
-
-/* Three int32 dimensions, then doubles, cut or filled up to the size asked for. */
-static char *merl(const json_t *from, size_t *size)
-{
-    size_t bytes = size_of(from, "bytes"), at = 12;
-    double value = json_number_value(json_object_get(from, "value"));
-    char *data = calloc(1, bytes > at ? bytes : at);
-    if (!data) return NULL;
-    for (size_t i = 0; i < 3; i++) {
-        int dim = (int)json_integer_value(json_array_get(json_object_get(from, "dims"), i));
-        memcpy(data + 4 * i, &dim, 4);
-    }
-    for (; at + 8 <= bytes; at += 8) memcpy(data + at, &value, 8);
-    *size = bytes;
-    return data;
 }
 
 /* ---- forms ----------------------------------------------------------------------------------------- */
@@ -163,7 +149,7 @@ static char *generated(const json_t *from, size_t *size)
         return repeated(text_of(from, "before"), text_of(from, "repeat"), size_of(from, "count"),
                         text_of(from, "after"), size);
     if (json_object_get(from, "directions")) return directions(size_of(from, "directions"), size);
-    if ((part = json_object_get(from, "merl"))) return merl(part, size);
+    if ((part = json_object_get(from, "merl"))) return merl_make(part, size);
     if ((part = json_object_get(from, "png")))
         return image_png(size_of(part, "width"), size_of(part, "height"),
                          (int)size_of(part, "depth"), size_of(part, "inflate"), size);

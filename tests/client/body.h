@@ -18,7 +18,7 @@ struct body {
  * "form": {"request":{...}, "name":{"float32":[..]} | {"float64":[..]} | {"npy":[[..],..]}, ...} ·
  * "json": any value · "text": as it stands · "file": path below shared data ·
  * "generate": {"repeat":"[","count":n,"before":"","after":""} | {"directions":n} |
- *   {"merl":{"dims":[90,90,180],"bytes":n,"value":x}} |
+ *   {"merl":{"dims":[90,90,180],"bytes":n,"value":x}} | {"merl":{"alpha":a,"f0":[r,g,b]}} |
  *   {"exr":{"width":w,"height":h,"value":x}} | {"exr":{"pfm":path}} |
  *   {"png":{"width":w,"height":h,"depth":8,"inflate":bytes}}
  */

@@ -5,7 +5,8 @@
  *                [--filter TEXT] [--jobs N] [--report FILE]
  *
  * A case is DIR/<endpoint>/<case>.json: {"doc":..., "request":{...}, "expect":{...}}; see body.h,
- * expect.h and CONTRIBUTING.md.  Prints "ok|FAIL|skip client/<endpoint>/<case>"; exits 0 only if
+ * expect.h and CONTRIBUTING.md.  "then":[{"request":{...,"json":{"material":{"answer":"/material"}}},
+ * "expect":{...}}, ...] sends more, with that part of the first answer in place of the member.  Prints "ok|FAIL|skip client/<endpoint>/<case>"; exits 0 only if
  * none failed. Knows the daemon by its wire alone: shares no code with it.
  */
 #include "body.h"
@@ -49,22 +50,61 @@ static void print_result(struct run *run, const struct test_case *c, const char 
     pthread_mutex_unlock(&run->lock);
 }
 
+/* One request and its answer; false: there is nothing to send, body->why. */
+static bool exchange(struct run *run, const json_t *step, CURL *curl, struct body *body, struct http_answer *answer,
+                     struct findings *findings)
+{
+    const json_t *request = json_object_get(step, "request");
+    enum body_result made = body_make(request, body);
+    if (made == BODY_ABSENT) return false;
+    if (made == BODY_BAD) {
+        finding(findings, "%s", body->why);
+        return true;
+    }
+    cases_send(curl, run->options->base_url, request, body, answer);
+    expect_check(json_object_get(step, "expect"), answer, findings);
+    return true;
+}
+
+/* A step with each {"answer":pointer} of its json replaced by what stands there. */
+static json_t *filled_step(const json_t *step, const struct http_answer *answer, struct findings *findings)
+{
+    json_t *filled = json_deep_copy(step), *member;
+    json_t *root = json_loadb(answer->body, answer->body_size, 0, NULL);
+    const char *key;
+    void *rest;
+    json_object_foreach_safe(json_object_get(json_object_get(filled, "request"), "json"), rest, key, member)
+    {
+        const char *pointer = json_string_value(json_object_get(member, "answer"));
+        if (!pointer) continue;
+        const json_t *part = expect_at(root, pointer);
+        if (!part) finding(findings, "%s is not in the answer", pointer);
+        json_object_set_new(json_object_get(json_object_get(filled, "request"), "json"), key, json_deep_copy(part));
+    }
+    json_decref(root);
+    return filled;
+}
+
 static void run_case(struct run *run, const struct test_case *c, CURL *curl)
 {
     struct findings findings = {{0}, 0};
     struct http_answer answer = {0};
     struct body body;
-    const json_t *request = json_object_get(c->root, "request");
-    enum body_result made = body_make(request, &body);
-    if (made == BODY_ABSENT) {
+    if (!exchange(run, c->root, curl, &body, &answer, &findings)) {
         print_result(run, c, "skip", body.why, &findings, &answer);
         return;
     }
-    if (made == BODY_BAD) {
-        finding(&findings, "%s", body.why);
-    } else {
-        cases_send(curl, run->options->base_url, request, &body, &answer);
-        expect_check(json_object_get(c->root, "expect"), &answer, &findings);
+    const json_t *step;
+    size_t i;
+    json_array_foreach(json_object_get(c->root, "then"), i, step)
+    {
+        struct http_answer next = {0};
+        struct body sent = {0};
+        json_t *filled = findings.length ? NULL : filled_step(step, &answer, &findings);
+        if (!findings.length && !exchange(run, filled, curl, &sent, &next, &findings)) finding(&findings, "%s", sent.why);
+        json_decref(filled);
+        http_clear(&next);
+        body_clear(&sent);
     }
     print_result(run, c, findings.length ? "FAIL" : "ok", "", &findings, &answer);
     http_clear(&answer);

@@ -97,8 +97,8 @@ TEST(bad_requests)
                   "/sampler");
     check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"table\"}", "/sampler");
     check_refused("{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[0,0,0,0]"
-                  "}},\"wo\":[[0,0,1]],\"n\":1}",
-                  "/material/ndf");
+                  "}},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
+                  "/sampler");
 }
 
 TEST(the_ends_of_u_work)

@@ -1,0 +1,122 @@
+/*
+ * table_sample.c - draws from tabulated distributions: visible normals (000 section 5, by exact
+ * inversion in place of its tables) and all normals (Walter et al. 2007).
+ *
+ * One search and a few Newton steps per sample do not vectorise: scalar, in double.
+ */
+#include "table_sample.h"
+
+#include "slope_quantile.h"
+#include "slope_table.h"
+
+#include <float.h>
+#include <math.h>
+
+struct viewer {
+    double x, y, z;
+    double a, b, s, c; /* the stretched direction (masking.h's) */
+};
+
+/* z - x slope_x - y slope_y, which cancels (Dekker 1971). */
+static double mean_cosine(const struct kernel_surface *f, double x, double y, double z)
+{
+    double p = x * f->slope_x, q = y * f->slope_y;
+    double p_low = fma(x, f->slope_x, -p), q_low = fma(y, f->slope_y, -q);
+    double d = z - p, t = d - z, d_low = (z - (d - t)) - (p + t);
+    double e = d - q, r = e - d, e_low = (d - (e - r)) - (q + r);
+    return e + (e_low + d_low - p_low - q_low);
+}
+
+static struct viewer viewer_at(const struct kernel_surface *f, const struct kernel_job *job, size_t k)
+{
+    struct viewer o = {.x = ((const double *)job->wo[0])[k], .y = ((const double *)job->wo[1])[k],
+                       .z = ((const double *)job->wo[2])[k]};
+    o.a = f->alpha_x * o.x + f->rho_alpha_y * o.y;
+    o.b = f->kappa_alpha_y * o.y;
+    o.s = hypot(o.a, o.b);
+    o.c = mean_cosine(f, o.x, o.y, o.z);
+    return o;
+}
+
+/* A standard normal, not of length 1, and exp(log_q) there. */
+struct drawn {
+    double x, y, z, q;
+};
+
+/* The affine map, reflection, and the density D/area (D h_z/(4 wo.h) where area is 0: all normals). */
+static void put(const struct kernel_surface *f, const struct kernel_job *job, size_t k, struct viewer o,
+                struct drawn m, double area)
+{
+    double hx = f->alpha_x * m.x - f->slope_x * m.z;
+    double hy = f->rho_alpha_y * m.x + f->kappa_alpha_y * m.y - f->slope_y * m.z;
+    double largest = fmax(fmax(fabs(hx), fabs(hy)), m.z), scale = largest > 0 ? 1 / largest : 0;
+    double h[3] = {hx * scale, hy * scale, largest > 0 ? m.z * scale : 1};
+    double hh = h[0] * h[0] + h[1] * h[1] + h[2] * h[2], length = sqrt(hh);
+    double dot = o.x * h[0] + o.y * h[1] + o.z * h[2], twice = 2 * dot / hh;
+    const double wo[3] = {o.x, o.y, o.z};
+    for (int j = 0; j < 3; j++) {
+        ((double *)job->sampled_wi[j])[k] = twice * h[j] - wo[j];
+        if (job->sampled_h[0]) ((double *)job->sampled_h[j])[k] = h[j] / length;
+    }
+    if (!job->sampled_pdf) return;
+    double size = largest * largest * hh / f->root_det, d = size * size * m.q;
+    double share = area > 0 ? area : 4 * fabs(dot) / h[2];
+    double pdf = share > 0 ? fmin(d / share, DBL_MAX) : 0;
+    ((double *)job->sampled_pdf)[k] = d > 0 ? pdf : 0;
+}
+
+static struct slope_share share_at(const struct kernel_job *job, int which, size_t k)
+{
+    double u = ((const double *)job->u[which])[k];
+    return (struct slope_share){u, 1 - u};
+}
+
+/* Where no visible normal has a density that a double holds: any that are seen will do. */
+static struct drawn towards(struct viewer o)
+{
+    return (struct drawn){o.a / o.s, o.b / o.s, 0, 0};
+}
+
+static struct drawn visible(const struct slope_view *view, struct viewer o, struct slope_share u1, struct slope_share u2)
+{
+    if (!(view->sigma > 0)) return towards(o);
+    double b = view->pieces->scale;
+    struct slope_place ring = facet_slope_ring(view, u1);
+    double radius = b * ring.u, ca = o.s > 0 ? o.a / o.s : 1, cb = o.s > 0 ? o.b / o.s : 0;
+    struct slope_turn turn = facet_slope_along_ring(o.c * ring.rest, o.s * radius, u2);
+    double along = radius * turn.cos, across = radius * turn.sin;
+    return (struct drawn){along * ca - across * cb, along * cb + across * ca, ring.rest, exp(ring.log_q)};
+}
+
+/* One view after the other; what it needs of the table is found once where it stays the same. */
+static void draw_table(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+{
+    const struct slope_pieces *pieces = &((const facet_slope_table *)f->table)->pieces;
+    struct slope_view view = {.c = NAN};
+    for (size_t k = 0; k < n; k++) {
+        struct viewer o = viewer_at(f, job, k);
+        if (!(view.c == o.c && view.s == o.s)) facet_slope_view(pieces, o.c, o.s, &view);
+        struct drawn m = visible(&view, o, share_at(job, 0, k), share_at(job, 1, k));
+        put(f, job, k, o, m, 4 * fmax(view.sigma, DBL_MIN));
+    }
+}
+
+static void draw_any(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+{
+    const struct slope_pieces *pieces = &((const facet_slope_table *)f->table)->pieces;
+    for (size_t k = 0; k < n; k++) {
+        struct slope_place ring = facet_slope_any_ring(pieces, share_at(job, 0, k));
+        double turn = 2 * acos(-1) * ((const double *)job->u[1])[k], radius = pieces->scale * ring.u;
+        struct drawn m = {radius * cos(turn), radius * sin(turn), ring.rest, exp(ring.log_q)};
+        put(f, job, k, viewer_at(f, job, k), m, 0);
+    }
+}
+
+kernel_sample_fn *facet_table_draw(facet_sampler sampler)
+{
+    switch (sampler) {
+    case FACET_SAMPLER_TABLE: return draw_table;
+    case FACET_SAMPLER_NDF: return draw_any;
+    default: return NULL;
+    }
+}
