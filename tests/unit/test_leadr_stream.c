@@ -50,7 +50,7 @@ static void check_mirrored(const facet_leadr *a, const facet_leadr *b, bool alon
 
 TEST(mirrored_maps_give_mirrored_levels_bit_for_bit)
 {
-    static const size_t sizes[][2] = {{64, 64}, {63, 47}, {1, 9}, {130, 5}, {75, 305}};
+    static const size_t sizes[][2] = {{64, 64}, {63, 47}, {1, 9}, {130, 5}, {75, 305}, {6, 2053}};
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++)
         for (int c = 0; c < 2 * (FACET_BORDER_COUNT + 1); c++) {
             const size_t w = sizes[s][0], h = sizes[s][1];
