@@ -2,6 +2,7 @@
 #include "diffuse.h"
 #include "endpoint.h"
 #include "evaluate.h"
+#include "facet_solid_angle.h"
 #include "limits.h"
 #include "random.h"
 #include "sampler.h"
@@ -11,9 +12,11 @@
 #include <math.h>
 #include <string.h>
 
-enum { WI, WEIGHT, PDF, H, OUTPUT_COUNT };
+enum { WI, WEIGHT, PDF, H, SOLID_ANGLE, OUTPUT_COUNT };
 
+/* Those of the member `outputs`; solid_angle has one of its own. */
 static const char *const output_names[] = {"wi", "weight", "pdf", "h", NULL};
+static const char *const array_names[] = {"wi", "weight", "pdf", "h", "solid_angle"};
 
 struct sample_request {
     struct material material;
@@ -24,7 +27,7 @@ struct sample_request {
     int pairing, sampler, sequence;
     uint32_t outputs;
     int64_t channels;
-    bool flat;
+    bool flat, solid_angle;
     int dtype;
     struct tolerance_request accuracy;
 };
@@ -56,6 +59,9 @@ static const struct field request_fields[] = {
     SAMPLER_FIELD(struct sample_request),
     {R(outputs), FIELD_SET, FIELD_DEFAULT, .names = output_names,
      .initial = 1 << WI | 1 << WEIGHT | 1 << PDF, .doc = "what to return"},
+    {R(solid_angle), FIELD_BOOL, FIELD_DEFAULT,
+     .doc = "return solid_angle, for filtered importance sampling; of the samplers of normals, without a "
+            "diffuse part"},
     CHANNELS_FIELD(struct sample_request),
     FLAT_FIELD(struct sample_request),
     DTYPE_FIELD(struct sample_request),
@@ -73,6 +79,9 @@ static const struct field response_fields[] = {
     {.name = "weight", OF(WEIGHT), .doc = "fr cos(theta_i) / pdf at the wi returned; 0 below the horizon"},
     {.name = "pdf", OF(PDF), .width = 1, .doc = "density of wi, per steradian"},
     {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; their floor is direction_floor"},
+    {.name = "solid_angle", OF(SOLID_ANGLE), .width = 1,
+     .doc = "steradians of wi that the sample stands for, at the wi returned: 4 (wo.h) cos^3(theta_h) A with "
+            "A = pi max(alpha_1, alpha_2)^2/N, N samples per wo; 1/(N pdf) is what samples take on average"},
     COUNT_FIELD(struct sample_response),
     {MEMBER(struct sample_response, wasted), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,
      .doc = "samples below the horizon, weight 0; with transmission those of weight 0"},
@@ -89,7 +98,7 @@ struct job {
     struct promise promise;
     double input_error; /* of wo, times facet_closeness of all of them */
     bool is_dense;      /* with transmission: some wo are on the side of the larger index */
-    double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf;
+    double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf, *solid_angle;
     struct results results[OUTPUT_COUNT];
     struct representation representation;
     facet_sampler sampler;
@@ -98,7 +107,7 @@ struct job {
 
 static bool asked(const struct job *job, int output)
 {
-    return job->in->outputs >> output & 1;
+    return output == SOLID_ANGLE ? job->in->solid_angle : job->in->outputs >> output & 1;
 }
 
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
@@ -203,12 +212,13 @@ static bool allocate(struct job *job, struct arena *arena)
     /* with transmission the weight says what is wasted */
     for (size_t k = 0; k < job->surface.channels && (asked(job, WEIGHT) || job->surface.bsdf); k++)
         if (!(job->weight[k] = api_arena_doubles(arena, n))) return false;
+    if (asked(job, SOLID_ANGLE) && !(job->solid_angle = api_arena_doubles(arena, n))) return false;
     return !asked(job, PDF) || (job->pdf = api_arena_doubles(arena, n));
 }
 
 static void open_results(struct job *job, struct arena *arena)
 {
-    const size_t widths[OUTPUT_COUNT] = {3, job->channels, 1, 3};
+    const size_t widths[OUTPUT_COUNT] = {3, job->channels, 1, 3, 1};
     for (int i = 0; i < OUTPUT_COUNT; i++)
         api_results_open_as(&job->results[i], arena, job->representation.format, widths[i],
                             job->in->flat, job->promise.digits);
@@ -218,11 +228,11 @@ static bool print_chunk(struct call *call, struct job *job, size_t n)
 {
     double *const *w = job->weight;
     double *weight[3] = {w[0], w[1] ? w[1] : w[0], w[2] ? w[2] : w[0]};
-    double *pdf[1] = {job->pdf};
-    double *const *const columns[OUTPUT_COUNT] = {job->wi, weight, pdf, job->h};
+    double *pdf[1] = {job->pdf}, *solid_angle[1] = {job->solid_angle};
+    double *const *const columns[OUTPUT_COUNT] = {job->wi, weight, pdf, job->h, solid_angle};
     for (int i = 0; i < OUTPUT_COUNT; i++) {
         if (asked(job, i) && !api_results_add(&job->results[i], columns[i], n))
-            return api_results_check(&job->results[i], output_names[i], "sample", call->problem);
+            return api_results_check(&job->results[i], array_names[i], "sample", call->problem);
     }
     return true;
 }
@@ -247,6 +257,9 @@ static bool compute(struct call *call, struct job *job)
                               : api_surface_sample(&job->surface, job->promise.tier, job->sampler, from,
                                                    job->u[0], job->u[1], n, &samples);
         if (status) return api_problem_status(call->problem, status, NULL);
+        if (asked(job, SOLID_ANGLE))
+            facet_solid_angle(&job->surface.facet.roughness, (double)(job->pairing.count / job->wo.count),
+                              (facet_vec3_in){job->wi[0], job->wi[1], job->wi[2]}, from, n, job->solid_angle);
         for (size_t k = 0; k < n; k++) job->wasted += !((job->surface.bsdf ? job->weight[0] : job->wi[2])[k] > 0);
         double computed = api_clock();
         trace->compute_us += computed - start;
@@ -272,6 +285,19 @@ static void find_input_error(struct job *job)
     }
 }
 
+/* It is of slopes: those of a cosine sample are not the material's. */
+static bool check_solid_angle(const struct job *job, struct problem *problem)
+{
+    struct place at = {NULL, "solid_angle", 0};
+    if (!job->in->solid_angle) return true;
+    if (job->sampler == FACET_SAMPLER_COSINE)
+        return api_problem_at(problem, &at, "is of the samplers of normals, not of \"cosine\"");
+    if (job->surface.facet.ndf == FACET_TABULATED)
+        return api_problem_at(problem, &at, "is of \"ggx\" and \"beckmann\", whose roughness says how wide a sample is");
+    return !(job->surface.has_diffuse || job->surface.bsdf) ||
+           api_problem_at(problem, &at, "is of materials without a diffuse part and without transmission");
+}
+
 static bool prepare(struct call *call, struct job *job)
 {
     struct decoder decoder = {call->arena, call->problem};
@@ -281,13 +307,13 @@ static bool prepare(struct call *call, struct job *job)
         !api_material_open(&in->material, &material, &decoder, &job->surface))
         return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
-    if (!job->channels) return false;
+    if (!job->channels || !check_solid_angle(job, call->problem)) return false;
     size_t numbers = (asked(job, WI) ? 3 : 0) + (asked(job, WEIGHT) ? job->channels : 0) +
-                     asked(job, PDF) + (asked(job, H) ? 3 : 0);
+                     asked(job, PDF) + (asked(job, H) ? 3 : 0) + asked(job, SOLID_ANGLE);
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
     find_input_error(job);
-    if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs),
+    if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
         !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
         return false;
@@ -304,7 +330,7 @@ static bool answer(struct call *call, struct job *job)
     for (int i = 0; i < OUTPUT_COUNT; i++) {
         if (!asked(job, i)) continue;
         api_results_close(&job->results[i]);
-        arrays[count++] = (struct named_results){output_names[i], &job->results[i]};
+        arrays[count++] = (struct named_results){array_names[i], &job->results[i]};
         if (job->representation.format == RESULTS_JSON) out->of[i] = &job->results[i].text;
     }
     return job->representation.format == RESULTS_JSON ||

@@ -2,6 +2,7 @@
 #ifndef EXR_H
 #define EXR_H
 
+#include "facet_leadr.h"
 #include "image.h"
 
 #include <stdbool.h>
@@ -41,6 +42,7 @@ struct exr_pyramid {
     const char *names[EXR_PLANES_MAX];
     bool half; /* the rows must hold values binary16 represents */
     enum exr_compression compression;
+    const facet_crew *crew; /* compresses too, with the same bytes; NULL: nobody does */
 };
 
 /* One tiled, MIP-mapped part, made in memory from rows as they come. */

@@ -26,6 +26,13 @@ enum {
      * ones of its level are stored as they are, twice as many each time up to SKIPPED_MAX. */
     SAVED_PARTS = 32,
     SKIPPED_MAX = 16,
+    PACKERS_MAX = 4, /* tiles compressed at a time; a third of a megabyte each */
+};
+
+/* What compressing a tile takes. */
+struct exr_packer {
+    unsigned char *scratch, *packed; /* tiles */
+    struct libdeflate_compressor *compressor;
 };
 
 struct exr_level_state {
@@ -44,8 +51,9 @@ struct exr_writer {
     size_t header_size, tile_count;
     unsigned char *bytes; /* the file: header, table of chunks, chunks */
     size_t size, room;
-    unsigned char *scratch, *packed; /* tiles */
-    struct libdeflate_compressor *compressor;
+    struct exr_packer packers[PACKERS_MAX];
+    size_t packer_count;
+    size_t *packed_sizes; /* of a row of tiles */
     struct exr_level_state level[]; /* level_count */
 };
 
@@ -192,11 +200,17 @@ static bool allocate(struct exr_writer *w)
     w->bytes = malloc(w->room);
     if (!w->bytes) return false;
     if (w->pyramid.compression != EXR_ZIP) return true;
-    const size_t tile = TILE * TILE * w->pixel;
-    w->scratch = malloc(2 * tile);
-    w->compressor = w->scratch ? libdeflate_alloc_compressor(ZIP_LEVEL) : NULL;
-    w->packed = w->scratch + tile;
-    return w->compressor;
+    const size_t tile = TILE * TILE * w->pixel, across = w->level[0].across;
+    w->packed_sizes = malloc(across * sizeof *w->packed_sizes);
+    w->packer_count = !w->pyramid.crew ? 1 : across < PACKERS_MAX ? across : PACKERS_MAX;
+    for (size_t i = 0; i < w->packer_count; i++) {
+        struct exr_packer *p = &w->packers[i];
+        p->scratch = malloc(2 * tile);
+        p->compressor = p->scratch ? libdeflate_alloc_compressor(ZIP_LEVEL) : NULL;
+        if (!p->compressor) return false;
+        p->packed = p->scratch + tile;
+    }
+    return w->packed_sizes;
 }
 
 struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
@@ -232,8 +246,11 @@ void api_exr_writer_close(struct exr_writer *w)
 {
     if (!w) return;
     for (size_t i = 0; i < w->pyramid.level_count; i++) band_close(&w->level[i]);
-    libdeflate_free_compressor(w->compressor);
-    free(w->scratch);
+    for (size_t i = 0; i < w->packer_count; i++) {
+        libdeflate_free_compressor(w->packers[i].compressor);
+        free(w->packers[i].scratch);
+    }
+    free(w->packed_sizes);
     free(w->bytes);
     free(w);
 }
@@ -289,9 +306,9 @@ static unsigned char *add_chunk(struct exr_writer *w, size_t level, size_t x, si
 
 /* The format's ZIP: bytes of even and odd places apart, differences, zlib.  0: it does not shrink.
  */
-static size_t compress(struct exr_writer *w, const unsigned char *from, size_t size)
+static size_t compress(const struct exr_packer *p, const unsigned char *from, size_t size)
 {
-    unsigned char *to = w->scratch, *odd = to + (size + 1) / 2;
+    unsigned char *to = p->scratch, *odd = to + (size + 1) / 2;
     for (size_t i = 0; i < size / 2; i++) {
         to[i] = from[2 * i];
         odd[i] = from[2 * i + 1];
@@ -300,16 +317,34 @@ static size_t compress(struct exr_writer *w, const unsigned char *from, size_t s
     /* Backwards, so that each difference finds its neighbour as it was. */
     for (size_t i = size; i-- > 1;) to[i] = (unsigned char)(to[i] - to[i - 1] + 128);
     /* A chunk as long as its pixels is taken for pixels, so it must be shorter. */
-    return size > 1 ? libdeflate_zlib_compress(w->compressor, to, size, w->packed, size - 1) : 0;
+    return size > 1 ? libdeflate_zlib_compress(p->compressor, to, size, p->packed, size - 1) : 0;
 }
 
-/* How many bytes it saved. */
-static size_t add_compressed(struct exr_writer *w, size_t level, size_t x, size_t y,
-                             const unsigned char *from, size_t size)
+/* A tile of a row of tiles `height` high. */
+static unsigned char *tile_of(const struct exr_writer *w, const struct exr_level_state *l,
+                              size_t height, size_t x, size_t *size)
 {
-    const size_t packed = compress(w, from, size), stored = packed ? packed : size;
-    memcpy(add_chunk(w, level, x, y, stored), packed ? w->packed : from, stored);
-    return size - stored;
+    *size = tile_side(l->width, x) * height * w->pixel;
+    return l->band + x * TILE * height * w->pixel;
+}
+
+struct packing {
+    struct exr_writer *writer;
+    const struct exr_level_state *level;
+    size_t height;
+};
+
+/* Every packer_count-th tile, from this packer's on, in place; on any thread. */
+static void pack_tiles(void *packing_, size_t packer)
+{
+    const struct packing *packing = packing_;
+    struct exr_writer *w = packing->writer;
+    for (size_t x = packer, size; x < packing->level->across; x += w->packer_count) {
+        unsigned char *tile = tile_of(w, packing->level, packing->height, x, &size);
+        const size_t packed = compress(&w->packers[packer], tile, size);
+        if (packed) memcpy(tile, w->packers[packer].packed, packed);
+        w->packed_sizes[x] = packed ? packed : size;
+    }
 }
 
 /* A new row of tiles: where nothing is to be compressed, its chunks are laid out at once. */
@@ -335,10 +370,19 @@ static void end_band(struct exr_writer *w, size_t level, size_t y)
     struct exr_level_state *l = &w->level[level];
     if (!l->compressed) return;
     const size_t height = tile_side(l->height, y);
+    struct packing packing = {w, l, height};
+    const facet_crew *crew = w->pyramid.crew;
+    if (crew && l->across > 1)
+        crew->share(crew->user, w->packer_count, pack_tiles, &packing);
+    else
+        for (size_t p = 0; p < w->packer_count; p++) pack_tiles(&packing, p);
     size_t saved = 0;
-    for (size_t x = 0; x < l->across; x++)
-        saved += add_compressed(w, level, x, y, l->band + x * TILE * height * w->pixel,
-                                tile_side(l->width, x) * height * w->pixel);
+    for (size_t x = 0, size; x < l->across; x++) {
+        const unsigned char *tile = tile_of(w, l, height, x, &size);
+        const size_t stored = w->packed_sizes[x];
+        memcpy(add_chunk(w, level, x, y, stored), tile, stored);
+        saved += size - stored;
+    }
     const bool worth = saved >= l->band_size / SAVED_PARTS;
     band_close(l);
     l->skips = worth ? 0 : l->skips ? 2 * l->skips : 1;

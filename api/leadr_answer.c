@@ -101,13 +101,21 @@ double api_leadr_ratio(const facet_leadr_summary *s, facet_stencil stencil)
     return forward > 0 ? slope_variance(&s->by_stencil[stencil]) / forward : NAN;
 }
 
+const facet_crew *api_leadr_crew(const struct call *call, facet_crew *crew)
+{
+    *crew = (facet_crew){call->request->share, call->request->crew};
+    return crew->share ? crew : NULL;
+}
+
 bool api_leadr_filter(struct call *call, struct leadr_work *work, const facet_leadr_sink *sink)
 {
     const facet_watch watch = api_watch(call);
     const struct place border = {NULL, "border", 0}, type = {NULL, "type", 0};
     struct leadr_map *map = &work->map;
+    facet_crew crew;
     const facet_status status =
-        facet_leadr_filter(&map->source, &work->options, &watch, sink, &work->summary);
+        facet_leadr_filter(&map->source, &work->options, &watch, api_leadr_crew(call, &crew), sink,
+                           &work->summary);
     if (status == FACET_OK) return true;
     if (status == FACET_NO_MEMORY) return api_problem_memory(call->problem);
     if (status == FACET_BAD_DATA && work->summary.flaw.count)

@@ -36,6 +36,9 @@ bool api_leadr_json(struct call *call, struct leadr_work *work);
 bool api_leadr_exr(struct call *call, struct leadr_work *work, bool force);
 bool api_leadr_picture(struct call *call, struct leadr_work *work);
 
+/* The server's other threads, or NULL; *crew is to live as long. */
+const facet_crew *api_leadr_crew(const struct call *call, facet_crew *crew);
+
 /* Run lib's filter; false: call->problem is set. */
 bool api_leadr_filter(struct call *call, struct leadr_work *work, const facet_leadr_sink *sink);
 

@@ -119,7 +119,9 @@ bool api_leadr_exr(struct call *call, struct leadr_work *work, bool force)
     struct header header;
     void *bytes = NULL;
     size_t size = 0;
+    facet_crew crew;
     describe_pyramid(work, &sizes, &pyramid);
+    pyramid.crew = api_leadr_crew(call, &crew);
     describe_header(work, false, &header);
     struct exr_writer *writer = api_exr_writer_open(&pyramid, header.list, header.count, &problem);
     if (!writer) return refuse_exr(call, &problem);

@@ -221,25 +221,35 @@ typedef struct facet_leadr_sink {
     void *user;
 } facet_leadr_sink;
 
+/*
+ * Others who help: runs task(arg, 0) .. task(arg, count - 1), on any threads, and
+ * returns when all have ended.
+ */
+typedef struct facet_crew {
+    void (*share)(void *user, size_t count, void (*task)(void *arg, size_t index), void *arg);
+    void *user;
+} facet_crew;
+
 /* The sizes of the levels a map will have: fills level_count, plane_count, width, height. */
 facet_status facet_leadr_sizes(const facet_map_source *source, const facet_leadr_options *options,
                                facet_leadr_summary *summary);
 
 /*
- * Filter a map in one pass over its rows, in memory for a few rows.  Level i is
+ * Filter a map in one pass over its rows, in memory for a few rows (1/256 of them).  Level i is
  * max(1, width >> i) x max(1, height >> i); each of its texels is the mean of its
  * footprint of level 0 (texels that straddle two footprints are split by area),
  * merged in double in central form by the parallel-axis rule, so that no variance
  * is ever a difference of large numbers.  The result does not depend on the side
  * from which the map is read: mirrored central differences give mirrored levels,
- * bit for bit.  sink may be NULL: only the summary is wanted.
+ * bit for bit; nor on the crew, which may be NULL: nobody helps.  source and sink are
+ * called by the caller's thread alone.  sink may be NULL: only the summary is wanted.
  * BAD_SIZE: sides or product beyond the limits above, or too small for TRIM.
  * BAD_DATA: values that are not finite (summary->flaw says where), or slopes too
  * steep for the storage type (flaw.count is 0 then).
  */
 facet_status facet_leadr_filter(const facet_map_source *source, const facet_leadr_options *options,
-                                const facet_watch *watch, const facet_leadr_sink *sink,
-                                facet_leadr_summary *summary);
+                                const facet_watch *watch, const facet_crew *crew,
+                                const facet_leadr_sink *sink, facet_leadr_summary *summary);
 
 /* ---- The same, kept in memory -------------------------------------------------------------- */
 

@@ -8,19 +8,32 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Rows in work at a time, and below how many texels nobody else is asked for them. */
+enum { BATCH_MAX = 8, BATCH_SHARE = 256, WORTH_SHARING = 2048 };
+
 struct filter {
     const facet_leadr_options *options;
     const facet_watch *watch;
+    const facet_crew *crew;
     const facet_leadr_sink *sink;
     facet_leadr_summary *summary;
+    struct facet_slope_rows rows;
+    struct mip_rows mip;
     struct leadr_store store;
+    float *planes; /* of the rows of a batch */
+    bool overflow;
 };
 
-enum { WATCH_ROWS = 64 };
+/* Rows first .. first + count - 1 of a level, and what came of each. */
+struct batch {
+    struct filter *filter;
+    size_t level, first, count;
+    struct leadr_stored stored[BATCH_MAX];
+};
 
-static bool cancelled(const facet_watch *watch, size_t row)
+static bool cancelled(const facet_watch *watch)
 {
-    return watch && watch->cancelled && row % WATCH_ROWS == 0 && watch->cancelled(watch->user);
+    return watch && watch->cancelled && watch->cancelled(watch->user);
 }
 
 /* Slopes of the one texel of the last level are those of the whole map. */
@@ -33,35 +46,101 @@ static void note_mean(struct filter *f, double *const at[CENTRAL_COUNT])
                                        ux * uy * at[4][0] + base->xy + x * y};
 }
 
-/* A row of some level is finished. */
-static bool finished(void *user, size_t level, size_t row, double *const at[CENTRAL_COUNT])
+static float *planes_of(const struct filter *f, size_t level, size_t k)
 {
-    struct filter *f = user;
-    const size_t n = f->summary->width[level];
-    facet_leadr_store_row(&f->store, n, at, &f->summary->loss[level]);
-    if (level == f->summary->level_count - 1) note_mean(f, at);
-    if (!f->sink) return true;
-    const float *plane[FACET_PLANES_MAX] = {NULL};
-    for (size_t k = 0; k < f->store.plane_count; k++) plane[k] = f->store.rounded + k * n;
-    return f->sink->row(f->sink->user, level, row, plane);
+    return f->planes + k * f->store.plane_count * f->summary->width[level];
 }
 
-static facet_status run(struct filter *f, struct facet_slope_rows *rows)
+/* One row, from slopes to what is stored of it and to what coarser levels need; on any thread. */
+static void make_row(void *batch_, size_t k)
 {
-    struct mip_rows mip = {.finished = finished, .user = f};
-    facet_status status = facet_mip_rows_open(&mip, rows->width, rows->height);
-    for (size_t q = 0; q < rows->height && status == FACET_OK; q++) {
-        if (cancelled(f->watch, q))
-            status = FACET_CANCELLED;
-        else if (!facet_slope_rows_next(rows, q))
-            break;
-        else if (!facet_mip_rows_add(&mip, q, rows->at))
-            status = FACET_NO_MEMORY;
+    struct batch *b = batch_;
+    struct filter *f = b->filter;
+    double *at[CENTRAL_COUNT];
+    if (b->level) {
+        facet_mip_rows_merge(&f->mip, b->level, k, at);
+    } else {
+        facet_slope_rows_make(&f->rows, b->first, k);
+        memcpy(at, f->rows.row[k].at, sizeof at);
     }
-    facet_mip_rows_close(&mip);
-    if (status == FACET_OK) facet_slope_rows_finish(rows);
-    if (status == FACET_OK && (rows->flaw.count || f->store.overflow)) status = FACET_BAD_DATA;
-    return status;
+    b->stored[k] =
+        facet_leadr_store_row(&f->store, f->summary->width[b->level], at, planes_of(f, b->level, k));
+    facet_mip_rows_squeeze(&f->mip, b->level, b->first + k, at);
+    if (b->level == f->summary->level_count - 1) note_mean(f, at);
+}
+
+/* What a batch brings goes on in order, whoever made it. */
+static bool deliver(struct batch *b)
+{
+    struct filter *f = b->filter;
+    const size_t width = f->summary->width[b->level];
+    if (!b->level) facet_slope_rows_tally(&f->rows, b->count);
+    for (size_t k = 0; k < b->count; k++) {
+        const float *plane[FACET_PLANES_MAX] = {NULL};
+        for (size_t j = 0; j < f->store.plane_count; j++)
+            plane[j] = planes_of(f, b->level, k) + j * width;
+        facet_leadr_loss_add(&f->summary->loss[b->level], &b->stored[k].loss);
+        f->overflow |= b->stored[k].overflow;
+        if (f->sink && !f->sink->row(f->sink->user, b->level, b->first + k, plane)) return false;
+    }
+    return true;
+}
+
+/* A batch, and then those of the levels made of it: at most FACET_MAP_LEVELS_MAX deep. */
+static bool run_batch(struct filter *f, size_t level, size_t first, size_t count)
+{
+    struct batch b = {.filter = f, .level = level, .first = first, .count = count};
+    if (f->crew && count > 1 && count * f->summary->width[level] >= WORTH_SHARING)
+        f->crew->share(f->crew->user, count, make_row, &b);
+    else
+        for (size_t k = 0; k < count; k++) make_row(&b, k);
+    if (!deliver(&b)) return false;
+    for (size_t i = level + 1; i < f->mip.count; i++) {
+        struct mip_level *l = &f->mip.level[i];
+        if (l->parent != level) continue;
+        const size_t done = l->done, ready = facet_mip_rows_ready(&f->mip, i, first + count);
+        if (ready > done && !run_batch(f, i, done, ready - done)) return false;
+        l->done = ready;
+    }
+    return true;
+}
+
+static facet_status run(struct filter *f)
+{
+    const size_t height = f->rows.height;
+    for (size_t q = 0, count; q < height; q += count) {
+        count = height - q < f->rows.batch ? height - q : f->rows.batch;
+        if (cancelled(f->watch)) return FACET_CANCELLED;
+        if (!facet_slope_rows_load(&f->rows, q, count)) break;
+        if (!run_batch(f, 0, q, count)) return FACET_NO_MEMORY;
+    }
+    facet_slope_rows_finish(&f->rows);
+    return f->rows.flaw.count || f->overflow ? FACET_BAD_DATA : FACET_OK;
+}
+
+/* A few rows at a time, so that their memory is an eighth of the map's or less. */
+static size_t batch_of(size_t height)
+{
+    const size_t batch = height / BATCH_SHARE;
+    return batch < 1 ? 1 : batch > BATCH_MAX ? BATCH_MAX : batch;
+}
+
+static facet_status open_filter(struct filter *f, const facet_map_source *source)
+{
+    const facet_leadr_summary *s = f->summary;
+    const size_t batch = batch_of(s->height[0]);
+    facet_status status = facet_slope_rows_open(&f->rows, source, f->options, batch);
+    if (status == FACET_OK) status = facet_mip_rows_open(&f->mip, s->width[0], s->height[0], batch);
+    f->store = (struct leadr_store){f->options, f->rows.unit_x, f->rows.unit_y, s->plane_count};
+    f->planes = malloc(batch * s->plane_count * s->width[0] * sizeof *f->planes);
+    return status == FACET_OK && !f->planes ? FACET_NO_MEMORY : status;
+}
+
+static void close_filter(struct filter *f)
+{
+    facet_slope_rows_close(&f->rows);
+    facet_mip_rows_close(&f->mip);
+    free(f->planes);
 }
 
 static void summarize(const struct facet_slope_rows *rows, facet_leadr_summary *summary)
@@ -99,24 +178,21 @@ facet_status facet_leadr_sizes(const facet_map_source *source, const facet_leadr
 }
 
 facet_status facet_leadr_filter(const facet_map_source *source, const facet_leadr_options *options,
-                                const facet_watch *watch, const facet_leadr_sink *sink,
-                                facet_leadr_summary *summary)
+                                const facet_watch *watch, const facet_crew *crew,
+                                const facet_leadr_sink *sink, facet_leadr_summary *summary)
 {
     facet_status status = facet_leadr_sizes(source, options, summary);
     if (status != FACET_OK) return status;
     if (!is_base(&options->base)) return FACET_BAD_ALPHA;
-    struct filter f = {.options = options, .watch = watch, .sink = sink, .summary = summary};
-    struct facet_slope_rows rows;
-    status = facet_slope_rows_open(&rows, source, options);
-    if (status == FACET_OK)
-        status = facet_leadr_store_open(&f.store, options, rows.unit_x, rows.unit_y, rows.width);
+    struct filter f = {
+        .options = options, .watch = watch, .crew = crew, .sink = sink, .summary = summary};
+    status = open_filter(&f, source);
     if (status == FACET_OK) {
-        status = run(&f, &rows);
-        summary->flaw = rows.flaw;
-        summarize(&rows, summary);
+        status = run(&f);
+        summary->flaw = f.rows.flaw;
+        summarize(&f.rows, summary);
     }
-    facet_leadr_store_close(&f.store);
-    facet_slope_rows_close(&rows);
+    close_filter(&f);
     return status;
 }
 
@@ -171,7 +247,7 @@ facet_status facet_leadr_create(const facet_height_map *map, const facet_leadr_o
     facet_status status = facet_leadr_sizes(&source, options, &made->summary);
     if (status == FACET_OK) status = allocate(made);
     if (status == FACET_OK)
-        status = facet_leadr_filter(&source, options, watch, &sink, &made->summary);
+        status = facet_leadr_filter(&source, options, watch, NULL, &sink, &made->summary);
     if (flaw) *flaw = made->summary.flaw;
     for (size_t i = 0; i < FACET_MAP_LEVELS_MAX; i++) made->level[i].loss = made->summary.loss[i];
     if (status == FACET_OK)

@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 
 size_t facet_plane_count(facet_moment_model model)
@@ -10,25 +9,12 @@ size_t facet_plane_count(facet_moment_model model)
     return model == FACET_LEADR ? 5 : 3;
 }
 
-facet_status facet_leadr_store_open(struct leadr_store *store, const facet_leadr_options *options,
-                                    double unit_x, double unit_y, size_t width)
-{
-    *store = (struct leadr_store){.options = options,
-                                  .unit_x = unit_x,
-                                  .unit_y = unit_y,
-                                  .plane_count = facet_plane_count(options->model)};
-    store->exact = malloc((FACET_PLANES_MAX + 1) * width * sizeof *store->exact);
-    store->rounded = malloc(FACET_PLANES_MAX * width * sizeof *store->rounded);
-    return store->exact && store->rounded ? FACET_OK : FACET_NO_MEMORY;
-}
-
-void facet_leadr_store_close(struct leadr_store *store)
-{
-    free(store->exact);
-    free(store->rounded);
-    store->exact = NULL;
-    store->rounded = NULL;
-}
+/*
+ * A piece of a row, near enough to be at hand from one step to the next: what is to be
+ * stored, in double, plane after plane, then the variance.
+ */
+enum { PIECE = 256 };
+typedef double exact_piece[(FACET_PLANES_MAX + 1) * PIECE];
 
 /* ---- Rounding ------------------------------------------------------------------------------ */
 
@@ -59,18 +45,18 @@ static void round_row(const double *exact, size_t n, facet_storage storage, floa
         for (size_t i = 0; i < n; i++) out[i] = (float)exact[i];
 }
 
-/* ---- What is stored, in double -----------------------------------------------------------------
- */
+/* ---- What is stored, in double -------------------------------------------------------------- */
 
 /* Five planes, and the variance after them. */
-static void leadr_row(const struct leadr_store *s, size_t n, double *const at[CENTRAL_COUNT])
+static void leadr_row(const struct leadr_store *s, size_t n, const double *const at[CENTRAL_COUNT],
+                      exact_piece exact)
 {
     const double ux = s->unit_x, uy = s->unit_y;
     const double uxx = ux * ux, uyy = uy * uy, uxy = ux * uy;
     const facet_covariance base = s->options->base;
     const double raw = s->options->form == FACET_RAW ? 1 : 0;
     const double *x = at[0], *y = at[1], *xx = at[2], *yy = at[3], *xy = at[4];
-    double *restrict e1 = s->exact, *restrict e2 = e1 + n, *restrict e3 = e2 + n,
+    double *restrict e1 = exact, *restrict e2 = e1 + n, *restrict e3 = e2 + n,
                      *restrict e4 = e3 + n, *restrict e5 = e4 + n, *restrict v = e5 + n;
     for (size_t i = 0; i < n; i++) {
         const double a = ux * x[i], b = uy * y[i];
@@ -85,12 +71,12 @@ static void leadr_row(const struct leadr_store *s, size_t n, double *const at[CE
 }
 
 /* Three planes, and the variance where the others have it. */
-static void clean_row(const struct leadr_store *s, size_t n, double *const at[CENTRAL_COUNT])
+static void clean_row(const struct leadr_store *s, size_t n, const double *const at[CENTRAL_COUNT],
+                      exact_piece e)
 {
     const double ux = s->unit_x, uy = s->unit_y;
     const facet_covariance base = s->options->base;
     const bool raw = s->options->form == FACET_RAW, max = s->options->model == FACET_CLEAN_MAX;
-    double *e = s->exact;
     for (size_t i = 0; i < n; i++) {
         const double a = ux * at[0][i], b = uy * at[1][i];
         const facet_covariance c = {ux * ux * at[2][i] + base.xx, uy * uy * at[3][i] + base.yy,
@@ -105,15 +91,15 @@ static void clean_row(const struct leadr_store *s, size_t n, double *const at[CE
 
 /* ---- What was stored against it -------------------------------------------------------------- */
 
-/* The variance the rounded row says, over the exact planes, which are not needed any more. */
-static void stored_variance(const struct leadr_store *s, size_t n)
+/* The variance the rounded planes say, `stride` apart. */
+static void stored_variance(const struct leadr_store *s, size_t n, const float *r, size_t stride,
+                            double *restrict out)
 {
-    const float *r = s->rounded;
-    double *restrict out = s->exact;
     const bool raw = s->options->form == FACET_RAW, clean = s->plane_count == 3;
     for (size_t i = 0; i < n; i++) {
-        const double a = r[i], b = r[n + i], squares = a * a + b * b;
-        const double sum = (double)r[2 * n + i] + (clean ? 0 : (double)r[3 * n + i]);
+        const double a = r[i], b = r[stride + i], squares = a * a + b * b;
+        const double sum =
+            (double)r[2 * stride + i] + (clean ? 0 : (double)r[3 * stride + i]);
         out[i] = raw ? sum - squares : sum;
     }
 }
@@ -124,14 +110,13 @@ static void stored_variance(const struct leadr_store *s, size_t n)
  */
 #define NOISE 1e-28
 
-static void add_loss(const struct leadr_store *s, size_t n, facet_leadr_loss *loss)
+static void add_loss(size_t n, const double *exact, const double *stored, const float *e1,
+                     const float *e2, facet_leadr_loss *loss)
 {
-    const double *stored = s->exact, *exact = s->exact + 5 * n;
-    const float *r = s->rounded;
-    double variance = 0, kept = 0, worst = 0;
+    double variance = loss->variance, kept = loss->stored, worst = loss->worst;
     size_t lost = 0;
     for (size_t i = 0; i < n; i++) {
-        const double a = r[i], b = r[n + i];
+        const double a = e1[i], b = e2[i];
         const bool counts = exact[i] > NOISE * (a * a + b * b);
         const double error = counts ? fabs(stored[i] - exact[i]) / exact[i] : 0;
         worst = error > worst ? error : worst;
@@ -139,10 +124,15 @@ static void add_loss(const struct leadr_store *s, size_t n, facet_leadr_loss *lo
         variance += exact[i];
         kept += stored[i];
     }
-    loss->variance += variance;
-    loss->stored += kept;
-    loss->lost += lost;
-    loss->worst = worst > loss->worst ? worst : loss->worst;
+    *loss = (facet_leadr_loss){variance, kept, worst, loss->lost + lost};
+}
+
+void facet_leadr_loss_add(facet_leadr_loss *to, const facet_leadr_loss *loss)
+{
+    to->variance += loss->variance;
+    to->stored += loss->stored;
+    to->lost += loss->lost;
+    to->worst = loss->worst > to->worst ? loss->worst : to->worst;
 }
 
 /* x * 0 is 0 for every finite x. */
@@ -153,17 +143,29 @@ static bool all_finite(const float *values, size_t n)
     return sum == 0;
 }
 
-void facet_leadr_store_row(struct leadr_store *s, size_t n, double *const at[CENTRAL_COUNT],
-                           facet_leadr_loss *loss)
+struct leadr_stored facet_leadr_store_row(const struct leadr_store *s, size_t width,
+                                          double *const at[CENTRAL_COUNT], float *planes)
 {
-    if (s->plane_count == 3)
-        clean_row(s, n, at);
-    else
-        leadr_row(s, n, at);
-    round_row(s->exact, s->plane_count * n, s->options->storage, s->rounded);
-    if (!all_finite(s->rounded, s->plane_count * n)) s->overflow = true;
-    stored_variance(s, n);
-    add_loss(s, n, loss);
+    struct leadr_stored row = {{0, 0, 0, 0}, false};
+    exact_piece exact;
+    for (size_t start = 0, n; start < width; start += n) {
+        n = width - start < PIECE ? width - start : PIECE;
+        const double *const from[] = {at[0] + start, at[1] + start, at[2] + start, at[3] + start,
+                                      at[4] + start};
+        float *to = planes + start;
+        if (s->plane_count == 3)
+            clean_row(s, n, from, exact);
+        else
+            leadr_row(s, n, from, exact);
+        for (size_t k = 0; k < s->plane_count; k++) {
+            round_row(exact + k * n, n, s->options->storage, to + k * width);
+            if (!all_finite(to + k * width, n)) row.overflow = true;
+        }
+        /* Over the planes in double, which are not needed any more. */
+        stored_variance(s, n, to, width, exact);
+        add_loss(n, exact + 5 * n, exact, to, to + width, &row.loss);
+    }
+    return row;
 }
 
 facet_moments facet_moments_of_texel(const float *v, facet_moment_form form,

@@ -41,6 +41,13 @@ static struct span *spans_of(size_t m, size_t n)
 
 /* ---- Open ------------------------------------------------------------------------------------ */
 
+/* Rows of l that `rows` of its parent, in a row, finish at most. */
+static size_t finished_by(const struct mip_level *l, const struct mip_level *p, size_t rows)
+{
+    const size_t most = rows * l->height / p->height + 2;
+    return most < rows ? most : rows;
+}
+
 static facet_status open_level(struct mip_rows *mip, size_t index)
 {
     struct mip_level *l = &mip->level[index];
@@ -49,23 +56,22 @@ static facet_status open_level(struct mip_rows *mip, size_t index)
         l->columns = spans_of(p->width, l->width);
         if (!l->columns) return FACET_NO_MEMORY;
     }
-    l->capacity = (p->height + l->height - 1) / l->height + 1;
-    const size_t plane = l->width;
-    l->memory = malloc((l->capacity + 1) * CENTRAL_COUNT * plane * sizeof *l->memory);
-    if (!l->memory) return FACET_NO_MEMORY;
-    for (size_t k = 0; k < CENTRAL_COUNT; k++)
-        l->row[k] = l->memory + (l->capacity * CENTRAL_COUNT + k) * plane;
-    return FACET_OK;
+    l->batch = finished_by(l, p, p->batch);
+    /* A span that lacks one row, and a batch; of two that share a row, the second also holds it. */
+    l->capacity = (p->height + l->height - 1) / l->height + 1 + p->batch;
+    l->memory = malloc((l->capacity + l->batch) * CENTRAL_COUNT * l->width * sizeof *l->memory);
+    return l->memory ? FACET_OK : FACET_NO_MEMORY;
 }
 
-facet_status facet_mip_rows_open(struct mip_rows *mip, size_t width, size_t height)
+facet_status facet_mip_rows_open(struct mip_rows *mip, size_t width, size_t height, size_t batch)
 {
     facet_status status = FACET_OK;
     mip->count = facet_mip_level_count(width, height);
     for (size_t i = 0; i < mip->count; i++) {
         struct mip_level *l = &mip->level[i];
         *l = (struct mip_level){.width = facet_mip_side(width, i),
-                                .height = facet_mip_side(height, i)};
+                                .height = facet_mip_side(height, i),
+                                .batch = batch};
         /* The coarsest level whose texels do not straddle this one's; 0 may. */
         for (size_t p = i; p-- > 0 && !l->parent;)
             if (mip->level[p].width % l->width == 0 && mip->level[p].height % l->height == 0)
@@ -200,15 +206,15 @@ static double *held(const struct mip_level *l, size_t i)
     return l->memory + i % l->capacity * CENTRAL_COUNT * l->width;
 }
 
-/* The rows of a span, merged into l->row. */
-static void merge_rows(const struct mip_level *l, const struct span *s)
+/* The rows of a span, merged into `to`. */
+static void merge_rows(const struct mip_level *l, const struct span *s, double *const to[CENTRAL_COUNT])
 {
     const size_t n = l->width;
     const double *a = held(l, s->first), *b = held(l, s->last);
     if (s->last == s->first + 1 && s->low == s->high) {
         const double *const pa[] = {a, a + n, a + 2 * n, a + 3 * n, a + 4 * n};
         const double *const pb[] = {b, b + n, b + 2 * n, b + 3 * n, b + 4 * n};
-        merge_pair(n, pa, pb, l->row);
+        merge_pair(n, pa, pb, to);
         return;
     }
     const struct line line = {s->first % l->capacity, CENTRAL_COUNT * n, l->capacity};
@@ -217,42 +223,37 @@ static void merge_rows(const struct mip_level *l, const struct span *s)
                                                              at + 4 * n};
         double out[CENTRAL_COUNT];
         merge_span(s, planes, &line, out);
-        for (size_t k = 0; k < CENTRAL_COUNT; k++) l->row[k][i] = out[k];
+        for (size_t k = 0; k < CENTRAL_COUNT; k++) to[k][i] = out[k];
     }
 }
 
-/* Row `row` of level `from` for level `index`, made of it; true: a row of `index` is finished. */
-static bool take(struct mip_rows *mip, size_t index, size_t from, size_t row,
-                 double *const at[CENTRAL_COUNT])
+void facet_mip_rows_squeeze(struct mip_rows *mip, size_t level, size_t row,
+                            double *const at[CENTRAL_COUNT])
 {
-    struct mip_level *l = &mip->level[index];
-    const struct mip_level *p = &mip->level[from];
-    double *to = held(l, row);
-    const size_t n = l->width;
-    double *const planes[] = {to, to + n, to + 2 * n, to + 3 * n, to + 4 * n};
-    squeeze(l, p->width, at, planes);
-    const struct span s = span_of(p->height, l->height, l->done);
-    if (s.last != row) return false;
-    merge_rows(l, &s);
-    l->done++;
-    return true;
-}
-
-/*
- * Depth first: a row of level i is handed to the levels made of it while it stands
- * in l->row.  At most FACET_MAP_LEVELS_MAX deep.
- */
-static bool add(struct mip_rows *mip, size_t level, size_t row, double *const at[CENTRAL_COUNT])
-{
-    if (!mip->finished(mip->user, level, row, at)) return false;
     for (size_t i = level + 1; i < mip->count; i++) {
-        if (mip->level[i].parent != level || !take(mip, i, level, row, at)) continue;
-        if (!add(mip, i, mip->level[i].done - 1, mip->level[i].row)) return false;
+        struct mip_level *l = &mip->level[i];
+        if (l->parent != level) continue;
+        const size_t n = l->width;
+        double *to = held(l, row);
+        double *const planes[] = {to, to + n, to + 2 * n, to + 3 * n, to + 4 * n};
+        squeeze(l, mip->level[level].width, at, planes);
     }
-    return true;
 }
 
-bool facet_mip_rows_add(struct mip_rows *mip, size_t row, double *const at[CENTRAL_COUNT])
+size_t facet_mip_rows_ready(const struct mip_rows *mip, size_t level, size_t rows)
 {
-    return add(mip, 0, row, at);
+    const struct mip_level *l = &mip->level[level], *p = &mip->level[l->parent];
+    size_t ready = l->done;
+    while (ready < l->height && span_of(p->height, l->height, ready).last < rows) ready++;
+    return ready;
+}
+
+void facet_mip_rows_merge(const struct mip_rows *mip, size_t level, size_t k,
+                          double *at[CENTRAL_COUNT])
+{
+    const struct mip_level *l = &mip->level[level], *p = &mip->level[l->parent];
+    double *to = l->memory + (l->capacity + k) * CENTRAL_COUNT * l->width;
+    for (size_t j = 0; j < CENTRAL_COUNT; j++) at[j] = to + j * l->width;
+    const struct span s = span_of(p->height, l->height, l->done + k);
+    merge_rows(l, &s, at);
 }

@@ -43,31 +43,38 @@ facet_status facet_slope_rows_size(const facet_map_source *source, const facet_l
 }
 
 facet_status facet_slope_rows_open(struct facet_slope_rows *rows, const facet_map_source *source,
-                                   const facet_leadr_options *options)
+                                   const facet_leadr_options *options, size_t batch)
 {
-    *rows = (struct facet_slope_rows){.source = source, .options = options};
+    *rows = (struct facet_slope_rows){.source = source, .options = options, .batch = batch};
     const facet_status status = facet_slope_rows_size(source, options, &rows->width, &rows->height);
     if (status != FACET_OK) return status;
     const size_t padded = source->width + 2;
-    const size_t held = source->kind == FACET_HEIGHTS ? HELD_ROWS + 2 : 0;
+    const size_t ring = source->kind == FACET_HEIGHTS ? batch + HELD_BESIDE : 0;
     set_units(rows);
-    rows->memory = calloc((held + CENTRAL_COUNT) * padded, sizeof *rows->memory);
-    if (!rows->memory) return FACET_NO_MEMORY;
-    double *at = rows->memory;
-    for (int k = 0; k < CENTRAL_COUNT; k++, at += padded) rows->at[k] = at;
-    if (held) {
-        for (int i = 0; i < HELD_ROWS; i++, at += padded) rows->held[i] = at;
-        rows->first = at;
-        rows->last = at + padded;
-    }
-    rows->zero_covariance = !held || options->stencil != FACET_BILINEAR;
+    rows->ring = ring;
+    rows->memory = calloc((ring + 2 + batch * CENTRAL_COUNT) * padded, sizeof *rows->memory);
+    rows->row = calloc(batch, sizeof *rows->row);
+    if (!rows->memory || !rows->row) return FACET_NO_MEMORY;
+    rows->held = rows->memory;
+    rows->first = rows->held + ring * padded;
+    rows->last = rows->first + padded;
+    for (size_t k = 0; k < batch * CENTRAL_COUNT; k++)
+        rows->row[k / CENTRAL_COUNT].at[k % CENTRAL_COUNT] = rows->last + (k + 1) * padded;
     return FACET_OK;
 }
 
 void facet_slope_rows_close(struct facet_slope_rows *rows)
 {
     free(rows->memory);
+    free(rows->row);
     rows->memory = NULL;
+    rows->row = NULL;
+}
+
+/* Row i of the map, counted from 1, padded. */
+static double *held(const struct facet_slope_rows *rows, size_t i)
+{
+    return rows->held + i % rows->ring * (rows->source->width + 2);
 }
 
 /* ---- Rows of the map ------------------------------------------------------------------- */
@@ -133,21 +140,22 @@ static void read_row(struct facet_slope_rows *rows, size_t row, double *out)
     pad_row(rows, out);
 }
 
-/* Reads the map up to row i, counted from 1. */
+/* Reads the map up to row i, counted from 1; of slopes into rows->row from 0 on. */
 static void load(struct facet_slope_rows *rows, size_t i)
 {
     const facet_map_source *s = rows->source;
-    while (rows->loaded < i) {
+    for (size_t k = 0; rows->loaded < i; k = (k + 1) % rows->batch) {
         const size_t row = rows->loaded++, planes = s->kind == FACET_SLOPES ? 2 : 1;
         const float *from = s->row(s->user, row);
         if (!all_finite(from, planes * s->width)) note_flaws(rows, from, planes * s->width, row);
         if (rows->flaw.count) continue;
         if (s->kind == FACET_SLOPES) {
-            for (size_t p = 0; p < s->width; p++) rows->at[0][p] = from[p];
-            for (size_t p = 0; p < s->width; p++) rows->at[1][p] = from[s->width + p];
+            double *const *at = rows->row[k].at;
+            for (size_t p = 0; p < s->width; p++) at[0][p] = from[p];
+            for (size_t p = 0; p < s->width; p++) at[1][p] = from[s->width + p];
             continue;
         }
-        double *out = rows->held[(row + 1) % HELD_ROWS];
+        double *out = held(rows, row + 1);
         for (size_t p = 0; p < s->width; p++) out[p + 1] = from[p];
         pad_row(rows, out);
         if (row == 0) memcpy(rows->first, out, (s->width + 2) * sizeof *out);
@@ -159,18 +167,18 @@ static void make_ghost(struct facet_slope_rows *rows, bool low)
 {
     const size_t w = rows->source->width, h = rows->source->height;
     const facet_border border = rows->options->border;
-    double *out = rows->held[low ? 0 : (h + 1) % HELD_ROWS];
+    double *out = held(rows, low ? 0 : h + 1);
     if (border == FACET_PERIODIC) {
         memcpy(out, low ? rows->last : rows->first, (w + 2) * sizeof *out);
         return;
     }
     const struct ghost v = ghost_of(low, h, border);
-    const double *a = rows->held[v.at[0] % HELD_ROWS];
+    const double *a = held(rows, v.at[0]);
     if (v.weight[1] == 0) {
         memcpy(out, a, (w + 2) * sizeof *out);
         return;
     }
-    const double *b = rows->held[v.at[1] % HELD_ROWS], *c = rows->held[v.at[2] % HELD_ROWS];
+    const double *b = held(rows, v.at[1]), *c = held(rows, v.at[2]);
     for (size_t p = 0; p < w + 2; p++)
         out[p] = v.weight[0] * a[p] + v.weight[1] * b[p] + v.weight[2] * c[p];
 }
@@ -211,7 +219,7 @@ static void bilinear_row(size_t n, const double *here, const double *below, doub
 }
 
 /* Four sums side by side: the order is fixed, and a processor adds them at once. */
-static void add_sums(struct facet_stencil_sums *sums, size_t n, const double *x, const double *y)
+static struct facet_stencil_sums sums_of(size_t n, const double *x, const double *y)
 {
     double s[5][4] = {{0}};
     for (size_t p = 0; p < n / 4 * 4; p += 4)
@@ -229,89 +237,123 @@ static void add_sums(struct facet_stencil_sums *sums, size_t n, const double *x,
         s[3][0] += y[p] * y[p];
         s[4][0] += x[p] * y[p];
     }
-    double *const to[] = {&sums->x, &sums->y, &sums->xx, &sums->yy, &sums->xy};
-    for (size_t k = 0; k < 5; k++) *to[k] += (s[k][0] + s[k][1]) + (s[k][2] + s[k][3]);
-    sums->count += n;
+    double of[5];
+    for (size_t k = 0; k < 5; k++) of[k] = (s[k][0] + s[k][1]) + (s[k][2] + s[k][3]);
+    return (struct facet_stencil_sums){n, of[0], of[1], of[2], of[3], of[4], 0};
 }
 
 /* What `stencil` sees in row i of the map, counted from 1, into at[0], at[1], and at[2] of
- * BILINEAR. */
-static size_t apply(struct facet_slope_rows *rows, facet_stencil stencil, size_t i)
+ * BILINEAR; how many texels. */
+static size_t apply(const struct facet_slope_rows *rows, facet_stencil stencil, size_t i,
+                    double *const at[CENTRAL_COUNT])
 {
     const bool trims = rows->options->border == FACET_TRIM;
     const size_t trim = trims ? trim_of(stencil) : 0, reach = trim == 2;
     const size_t w = rows->source->width, h = rows->source->height;
     if (w <= trim || i <= reach || i > h - (trims ? 1 : 0)) return 0;
     const size_t n = w - trim, from = 1 + reach;
-    const double *here = rows->held[i % HELD_ROWS] + from;
-    const double *below = rows->held[(i + 1) % HELD_ROWS] + from;
-    const double *above = rows->held[(i + HELD_ROWS - 1) % HELD_ROWS] + from;
-    if (stencil == FACET_CENTRAL) central_row(n, above, here, below, rows->at[0], rows->at[1]);
-    if (stencil == FACET_FORWARD) forward_row(n, here, below, rows->at[0], rows->at[1]);
-    if (stencil == FACET_BILINEAR)
-        bilinear_row(n, here, below, rows->at[0], rows->at[1], rows->at[2]);
+    const double *above = held(rows, i - 1) + from, *here = held(rows, i) + from;
+    const double *below = held(rows, i + 1) + from;
+    if (stencil == FACET_CENTRAL) central_row(n, above, here, below, at[0], at[1]);
+    if (stencil == FACET_FORWARD) forward_row(n, here, below, at[0], at[1]);
+    if (stencil == FACET_BILINEAR) bilinear_row(n, here, below, at[0], at[1], at[2]);
     return n;
 }
 
-static void tally(struct facet_slope_rows *rows, facet_stencil stencil, size_t n)
+/* Row i by a stencil, and its sums. */
+static void sum_up(const struct facet_slope_rows *rows, facet_stencil stencil, size_t i,
+                   struct facet_slope_row *row)
 {
-    struct facet_stencil_sums *sums = &rows->sums[stencil];
-    if (!n) return;
-    add_sums(sums, n, rows->at[0], rows->at[1]);
+    const size_t n = apply(rows, stencil, i, row->at);
+    row->sums[stencil] = sums_of(n, row->at[0], row->at[1]);
     if (stencil != FACET_BILINEAR) return;
-    double v = 0;
-    for (size_t p = 0; p < n; p++) v += rows->at[2][p];
-    sums->xx += v;
-    sums->yy += v;
+    double within = 0;
+    for (size_t p = 0; p < n; p++) within += row->at[2][p];
+    row->sums[stencil].within = within;
 }
 
-/* Every stencil in row i of the map, the one asked for last, so that it stays in rows->at. */
-static void look(struct facet_slope_rows *rows, size_t i)
+/* Every stencil in row i of the map, the one asked for last, so that it stays in row->at. */
+static void look(const struct facet_slope_rows *rows, size_t i, struct facet_slope_row *row)
+{
+    const facet_stencil stencil = rows->options->stencil;
+    for (int s = 0; s < FACET_STENCIL_COUNT; s++)
+        if (s != (int)stencil) sum_up(rows, (facet_stencil)s, i, row);
+    sum_up(rows, stencil, i, row);
+    if (stencil == FACET_BILINEAR)
+        memcpy(row->at[3], row->at[2], rows->width * sizeof **row->at);
+    else
+        memset(row->at[2], 0, rows->width * sizeof **row->at);
+}
+
+/* Whatever looking at rows first .. last of the map, counted from 1, needs. */
+static bool load_around(struct facet_slope_rows *rows, size_t first, size_t last)
 {
     const size_t h = rows->source->height;
-    load(rows, i + 1 < h ? i + 1 : h);
-    if (rows->flaw.count) return;
-    if (i == 1) make_ghost(rows, true);
-    if (i == h) make_ghost(rows, false);
-    for (int s = 0; s < FACET_STENCIL_COUNT; s++)
-        if (s != (int)rows->options->stencil)
-            tally(rows, (facet_stencil)s, apply(rows, (facet_stencil)s, i));
-    const facet_stencil stencil = rows->options->stencil;
-    tally(rows, stencil, apply(rows, stencil, i));
-    if (stencil == FACET_BILINEAR)
-        memcpy(rows->at[3], rows->at[2], rows->width * sizeof **rows->at);
-    else
-        memset(rows->at[2], 0, rows->width * sizeof **rows->at);
+    /* A clamped edge looks at three rows. */
+    const size_t up_to = first == 1 && last < 2 ? 3 : last + 1;
+    load(rows, up_to < h ? up_to : h);
+    if (rows->flaw.count) return false;
+    if (first == 1) make_ghost(rows, true);
+    if (last == h) make_ghost(rows, false);
+    return true;
 }
 
-bool facet_slope_rows_next(struct facet_slope_rows *rows, size_t q)
+/* Row i of the map only for the sums of the whole. */
+static void look_beside(struct facet_slope_rows *rows, size_t i)
+{
+    if (!load_around(rows, i, i)) return;
+    look(rows, i, rows->row);
+    facet_slope_rows_tally(rows, 1);
+}
+
+/* What of the map, counted from 1, row 0 of level 0 is. */
+static size_t first_row(const struct facet_slope_rows *rows)
+{
+    return rows->options->border == FACET_TRIM && trim_of(rows->options->stencil) == 2 ? 2 : 1;
+}
+
+bool facet_slope_rows_load(struct facet_slope_rows *rows, size_t q, size_t count)
 {
     const facet_map_source *s = rows->source;
     if (s->kind == FACET_SLOPES) {
-        load(rows, q + 1);
+        load(rows, q + count);
         return !rows->flaw.count;
     }
-    const bool trims = rows->options->border == FACET_TRIM;
-    if (q == 0) {
-        if (rows->options->border == FACET_PERIODIC) read_row(rows, s->height - 1, rows->last);
-        /* A clamped edge looks at three rows. */
-        load(rows, s->height < 3 ? s->height : 3);
-        if (trims && trim_of(rows->options->stencil) == 2) look(rows, 1);
-    }
-    const size_t offset = trims && trim_of(rows->options->stencil) == 2 ? 2 : 1;
-    if (!rows->flaw.count) look(rows, q + offset);
-    return !rows->flaw.count;
+    const size_t first = first_row(rows);
+    if (q == 0 && rows->options->border == FACET_PERIODIC)
+        read_row(rows, s->height - 1, rows->last);
+    if (q == 0 && first == 2) look_beside(rows, 1);
+    return !rows->flaw.count && load_around(rows, q + first, q + first + count - 1);
+}
+
+void facet_slope_rows_make(const struct facet_slope_rows *rows, size_t q, size_t k)
+{
+    if (rows->source->kind == FACET_HEIGHTS) look(rows, q + k + first_row(rows), &rows->row[k]);
+}
+
+void facet_slope_rows_tally(struct facet_slope_rows *rows, size_t count)
+{
+    for (size_t k = 0; k < count; k++)
+        for (int s = 0; s < FACET_STENCIL_COUNT; s++) {
+            const struct facet_stencil_sums *row = &rows->row[k].sums[s];
+            struct facet_stencil_sums *sums = &rows->sums[s];
+            sums->count += row->count;
+            sums->x += row->x;
+            sums->y += row->y;
+            sums->xx += row->xx;
+            sums->yy += row->yy;
+            sums->xy += row->xy;
+            sums->within += row->within;
+        }
 }
 
 void facet_slope_rows_finish(struct facet_slope_rows *rows)
 {
     const facet_map_source *s = rows->source;
     /* The rows a trimmed map ends before, for the stencils that reach less far. */
-    const bool more =
-        s->kind == FACET_HEIGHTS && rows->options->border == FACET_TRIM && !rows->flaw.count;
-    const size_t seen = rows->height + (trim_of(rows->options->stencil) == 2);
-    if (more)
-        for (size_t i = seen + 1; i <= s->height; i++) look(rows, i);
+    if (s->kind == FACET_HEIGHTS && rows->options->border == FACET_TRIM && !rows->flaw.count)
+        for (size_t i = rows->height + first_row(rows); i <= s->height && !rows->flaw.count; i++)
+            look_beside(rows, i);
     load(rows, s->height);
 }
 
@@ -323,7 +365,8 @@ bool facet_slope_rows_sums(const struct facet_slope_rows *rows, facet_stencil st
     if (!s->count) return false;
     const double n = (double)s->count, ux = o->scale / (span_of(stencil) * o->texel);
     const double uy = o->y_up ? -ux : ux;
-    *moments = (facet_moments){ux * (s->x / n), uy * (s->y / n), ux * ux * (s->xx / n),
-                               uy * uy * (s->yy / n), ux * uy * (s->xy / n)};
+    const double xx = s->xx + s->within, yy = s->yy + s->within;
+    *moments = (facet_moments){ux * (s->x / n), uy * (s->y / n), ux * ux * (xx / n),
+                               uy * uy * (yy / n), ux * uy * (s->xy / n)};
     return true;
 }

@@ -154,7 +154,9 @@ static facet_moments mean_of(const facet_height_map *m, const facet_leadr_option
 TEST(every_level_is_the_mean_of_its_footprint)
 {
     static const size_t sizes[][2] = {{1, 1}, {1, 2}, {2, 1},  {2, 2},  {3, 1},  {3, 3},
-                                      {4, 4}, {5, 7}, {8, 16}, {13, 6}, {21, 1}, {17, 31}};
+                                      {4, 4}, {5, 7}, {8, 16}, {13, 6}, {21, 1}, {17, 31},
+                                      /* batches of 2, 4 and 8 rows, the last one shorter */
+                                      {7, 521}, {4, 1030}, {3, 2053}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         for (int s = 0; s < FACET_STENCIL_COUNT; s++)
             for (int b = 0; b < FACET_BORDER_COUNT; b++) {

@@ -50,7 +50,7 @@ static void check_mirrored(const facet_leadr *a, const facet_leadr *b, bool alon
 
 TEST(mirrored_maps_give_mirrored_levels_bit_for_bit)
 {
-    static const size_t sizes[][2] = {{64, 64}, {63, 47}, {1, 9}, {130, 5}, {75, 305}};
+    static const size_t sizes[][2] = {{64, 64}, {63, 47}, {1, 9}, {130, 5}, {75, 305}, {6, 2053}};
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++)
         for (int c = 0; c < 2 * (FACET_BORDER_COUNT + 1); c++) {
             const size_t w = sizes[s][0], h = sizes[s][1];
@@ -190,7 +190,7 @@ TEST(slopes_are_filtered_like_heights)
     facet_leadr_options o = plain;
     o.scale = 2;
     facet_leadr_summary s;
-    CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, &s), FACET_OK);
+    CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, NULL, &s), FACET_OK);
     facet_leadr *leadr = filter(z, W, H, &o);
     const facet_leadr_summary *t = facet_leadr_summary_of(leadr);
     CHECK(s.level_count == t->level_count && !s.has_stencil[0]);
@@ -200,7 +200,7 @@ TEST(slopes_are_filtered_like_heights)
     CHECK_REL(s.loss[2].variance, t->loss[2].variance, 1e-6, 0);
     slopes.rows[2 * 3 * W + 5] = NAN;
     slopes.rows[2 * 9 * W + 2] = INFINITY;
-    CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, &s), FACET_BAD_DATA);
+    CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, NULL, &s), FACET_BAD_DATA);
     CHECK(s.flaw.count == 2 && s.flaw.column == 5 && s.flaw.row == 3);
     facet_leadr_destroy(leadr);
     free(slopes.rows);
@@ -334,14 +334,14 @@ TEST(a_sink_that_refuses_ends_the_work)
         struct countdown c = {left, 0};
         const facet_leadr_sink sink = {take_some, &c};
         facet_leadr_summary s;
-        CHECK_INT(facet_leadr_filter(&source, &plain, NULL, &sink, &s), FACET_NO_MEMORY);
+        CHECK_INT(facet_leadr_filter(&source, &plain, NULL, NULL, &sink, &s), FACET_NO_MEMORY);
         CHECK_INT(c.rows, left);
     }
     /* 16 + 8 + 4 + 2 + 1 rows, each once. */
     struct countdown c = {32, 0};
     const facet_leadr_sink sink = {take_some, &c};
     facet_leadr_summary s;
-    CHECK_INT(facet_leadr_filter(&source, &plain, NULL, &sink, &s), FACET_OK);
+    CHECK_INT(facet_leadr_filter(&source, &plain, NULL, NULL, &sink, &s), FACET_OK);
     CHECK_INT(c.rows, 31);
     free(z);
 }
@@ -357,7 +357,7 @@ TEST(flaws_in_the_last_row)
         facet_leadr_options o = plain;
         facet_leadr_summary s;
         o.border = (facet_border)b;
-        CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, &s), FACET_BAD_DATA);
+        CHECK_INT(facet_leadr_filter(&source, &o, NULL, NULL, NULL, &s), FACET_BAD_DATA);
         CHECK(s.flaw.count == 2 && s.flaw.column == 4 && s.flaw.row == 15);
     }
     free(z);

@@ -1,6 +1,8 @@
-/* Large evaluations shared among threads: the same bytes, whoever computes which chunk. */
+/* Large evaluations and maps shared among threads: the same bytes, whoever computes which chunk. */
 #include "ask.h"
 #include "check.h"
+#include "exr_file.h"
+#include "rng.h"
 
 #include <pthread.h>
 #include <stdlib.h>
@@ -72,4 +74,36 @@ TEST(sharing_changes_no_byte)
     same_bytes("application/octet-stream", false);
     same_bytes("application/octet-stream", true);
     CHECK(shared > 4 * 7);
+}
+
+/* Rows and tiles of a map, of odd sides, large enough that batches have several rows. */
+TEST(sharing_changes_no_byte_of_a_map)
+{
+    static const char *const queries[] = {"", "compression=none&stencil=central&border=trim",
+                                          "model=clean_max&type=half&form=central&border=mirror&scale=0.1",
+                                          "at=0.3,0.8&level=2&stencil=forward&border=clamp"};
+    enum { W = 515, H = 1030 };
+    struct rng rng;
+    rng_seed(&rng, 5);
+    float *z = malloc(W * H * sizeof *z);
+    for (size_t i = 0; z && i < W * H; i++) z[i] = (float)(i / W % 100 < 50 ? rng_uniform(&rng) : 0.5);
+    size_t size = 0;
+    unsigned char *exr = z ? exr_file_of_heights(z, W, H, &size) : NULL;
+    for (size_t q = 0; exr && q < sizeof queries / sizeof *queries; q++) {
+        struct api_request request = {.method = "POST", .path = "/v1/leadr", .query = queries[q], .accept = "*/*",
+                                      .body = exr, .body_size = size};
+        struct api_response alone, together;
+        api_handle(&request, &alone);
+        shared = 0;
+        request.share = share;
+        api_handle(&request, &together);
+        CHECK_INT(alone.status, 200);
+        CHECK(alone.body_size == together.body_size && !memcmp(alone.body, together.body, alone.body_size));
+        CHECK(shared > 100);
+        api_response_clear(&alone);
+        api_response_clear(&together);
+    }
+    CHECK(exr);
+    free(exr);
+    free(z);
 }
