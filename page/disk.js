@@ -83,18 +83,24 @@ export class Disk {
         return [this.n / 2 + r * x / s, this.n / 2 - r * y / s];
     }
 
+    // Kept, as each look at a style makes the browser compute the layout.
+    #colors() {
+        const style = getComputedStyle(this.canvas);
+        return {line: style.getPropertyValue("--line"), waste: style.getPropertyValue("--c2"), accent: style.getPropertyValue("--accent")};
+    }
+
     #overlay(samples, [theta, phi]) {
         const c = this.context, n = this.n, unit = n / this.size;
-        const style = getComputedStyle(this.canvas);
+        const {line, waste, accent} = this.colors ??= this.#colors();
         c.lineWidth = unit;
-        c.strokeStyle = style.getPropertyValue("--line");
+        c.strokeStyle = line;
         c.beginPath();
         c.arc(n / 2, n / 2, n / 2 / RING, 0, 7);
         c.stroke();
         if (samples) {
             const {wi, weight} = samples, step = weight.channels;
             c.fillStyle = "#fff";
-            c.strokeStyle = style.getPropertyValue("--c2");
+            c.strokeStyle = waste;
             c.lineWidth = 1.5 * unit;
             c.beginPath();
             for (let i = 0; i < wi.length / 3; i++) {
@@ -110,7 +116,7 @@ export class Disk {
         }
         this.wo = [theta, phi];
         const [x, y] = this.#place(Math.sin(theta) * Math.cos(phi), Math.sin(theta) * Math.sin(phi), Math.cos(theta));
-        c.fillStyle = style.getPropertyValue("--accent");
+        c.fillStyle = accent;
         c.strokeStyle = "#fff";
         c.lineWidth = 2 * unit;
         c.beginPath();

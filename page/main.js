@@ -140,6 +140,6 @@ async function foot() {
 }
 
 paint();
-await show();
+show();
 foot().catch(() => {});
 knowDefaultMetal().then(() => editor?.update(), () => {});

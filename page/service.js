@@ -99,15 +99,28 @@ function unpack(layout, body) {
     return arrays;
 }
 
+// FormData would need a Blob for each array, and a Blob a message to another process.
+function multipart(request, parts) {
+    const boundary = `facet${Math.random().toString(36).slice(2)}${Math.random().toString(36).slice(2)}`, text = new TextEncoder();
+    const pieces = [text.encode(`--${boundary}\r\nContent-Disposition: form-data; name="request"\r\n\r\n${request}\r\n`)];
+    for (const [name, array] of Object.entries(parts))
+        pieces.push(text.encode(`--${boundary}\r\nContent-Disposition: form-data; name="${name}"\r\nContent-Type: application/octet-stream\r\n\r\n`),
+            new Uint8Array(array.buffer, array.byteOffset, array.byteLength), text.encode("\r\n"));
+    pieces.push(text.encode(`--${boundary}--\r\n`));
+    const body = new Uint8Array(pieces.reduce((sum, piece) => sum + piece.length, 0));
+    let at = 0;
+    for (const piece of pieces) body.set(piece, at), at += piece.length;
+    return {body, type: `multipart/form-data; boundary=${boundary}`};
+}
+
 // The same request and answer with the numbers as they lie in memory; `parts`: arrays that go along.
 export async function askArrays(path, request, parts, signal) {
     let body = JSON.stringify(request);
     const headers = {Accept: "application/octet-stream"};
     if (parts) {
-        const form = new FormData();
-        form.set("request", body);
-        for (const [name, array] of Object.entries(parts)) form.set(name, new Blob([array]));
-        body = form;
+        const form = multipart(body, parts);
+        body = form.body;
+        headers["Content-Type"] = form.type;
     } else {
         headers["Content-Type"] = "application/json";
     }

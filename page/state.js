@@ -15,7 +15,7 @@ const DEFAULTS = {
     surface: "sphere",
     spp: 64,
     fit: {tolerance: 0.1, model: "auto"},
-    map: {kind: "displacement", scale: 0.1},
+    map: {kind: "displacement", scale: 0.1, border: "periodic"},
     level: 0,
     at: null,
 };
@@ -89,8 +89,19 @@ export function angles(signedTheta, phi) {
     return {theta: Math.abs(signedTheta), phi: signedTheta < 0 ? phi + Math.PI : phi};
 }
 
-const round = (x) => Number(x.toFixed(6));
+const round = (x) => Number(x.toFixed(9));
+
+// Signed angle in the plane of incidence as a vector: the service takes vectors exactly as they are,
+// while angles come with the error of their sine.
+export function direction(t, phi) {
+    return [round(Math.sin(t) * Math.cos(phi)), round(Math.sin(t) * Math.sin(phi)), round(Math.cos(t))];
+}
+
 export function woOf() {
-    const {theta, phi} = angles(state.theta, state.phi);
-    return {theta: [round(theta)], phi: [round(phi)]};
+    return [direction(state.theta, state.phi)];
+}
+
+// What a picture needs; only one tier knows tables.
+export function forPicture(material) {
+    return material.ndf === "tabulated" ? {tier: "precise"} : {tolerance: 1e-3};
 }

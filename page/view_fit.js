@@ -69,7 +69,7 @@ export function create({problem, go}) {
     const use = (material) => go("lobe", {material, theta: -0.7});
 
     function candidates() {
-        return table(`Candidates that no smaller one equals, of ${answer.considered} fitted`, ["model", "rms log", "backscatter", "bytes", "ns", "α", ""],
+        return table(`Candidates that no smaller one equals, of ${answer.considered} fitted`, ["model", "rms log", "backscatter", "bytes", "ns", "α", "take it"],
             answer.candidates.map((c) => {
                 const material = isChosen(c) ? answer.material : materialOf(c);
                 return {className: isChosen(c) ? "chosen" : undefined, cells: [nameOf(c), short(c.error.rms_log), short(c.error.backscatter_max), String(c.bytes), short(c.ns_per_eval),
@@ -96,6 +96,7 @@ export function create({problem, go}) {
         const text = el("pre", {tabindex: 0, "aria-label": "The material as text"}), lost = el("p", {class: "readout", role: "status"});
         text.hidden = true;
         exported.replaceChildren(el("div", {class: "card"}, el("h2", {}, "As text for another tool"), el("div", {class: "row"}, targets.map((target) => button(target, async () => {
+            lost.textContent = "Fitting and writing.";
             try {
                 const {json} = await upload(path(`&export=${target}`), file);
                 const told = json().export;
@@ -103,7 +104,7 @@ export function create({problem, go}) {
                 text.textContent = told.text;
                 lost.textContent = `${told.tool}: rms of log error ${short(told.rms_log)} against the fit${told.lost ? `; ${told.lost}` : ""}.`;
             } catch (error) {
-                problem.show(error);
+                lost.textContent = `${target}: ${error.message}`;
             }
         }))), text, lost));
     }

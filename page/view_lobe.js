@@ -8,7 +8,7 @@ import {roughness, samplerFor, samplersOf, smallestAlpha} from "./material.js";
 import {DEGREE, degrees, luminance, milliseconds, short} from "./numbers.js";
 import {Polar} from "./polar.js";
 import {ask, askArrays} from "./service.js";
-import {angles, set, state, woOf} from "./state.js";
+import {angles, direction, forPicture, set, state, woOf} from "./state.js";
 
 export const title = "Lobe";
 export const lead = "Where light from wo goes: drag the handle, shape the material, and see what each factor does.";
@@ -22,7 +22,6 @@ const OVERLAYS = [
     {name: "G", label: "G", unit: "", color: 4, dash: "3 3"},
     {name: "F", label: "F", unit: "", color: 5, dash: "12 4"},
 ];
-const TOLERANCE = 1e-3; // a picture shows no more
 const SAMPLES = [0, 128, 512, 2048, 8192];
 
 // Signed angles of wi in the plane: every degree, and dense where the lobe is.
@@ -40,18 +39,18 @@ function planeAngles() {
 
 const round = (x) => Number(x.toFixed(5));
 
-function planeOf(ts) {
-    return {theta: ts.map((t) => round(Math.abs(t))), phi: ts.map((t) => round(angles(t, state.phi).phi))};
-}
+const planeOf = (ts) => Float32Array.from(ts.flatMap((t) => direction(t, state.phi)));
 
 // The request of each picture; also what the curl lines show.
 function requests(grid, sampler) {
-    const common = {material: state.material, wo: woOf()};
+    const common = {material: state.material, wo: woOf(), ...forPicture(state.material)}, named = sampler === "auto" ? {} : {sampler};
+    // eval knows the density of the sampler taken by default.
+    const outputs = ["fr_cos", ...state.overlays.filter((name) => name !== "fr_cos" && (name !== "pdf" || sampler === "auto"))];
     return {
-        grid: {...common, wi: {grid}, outputs: ["fr_cos"], tolerance: TOLERANCE},
-        samples: {...common, n: state.samples, seed: state.seed, ...(sampler === "auto" ? {} : {sampler}), outputs: ["wi", "weight"], tolerance: TOLERANCE},
-        pdf: (wi) => ({...common, wi, ...(sampler === "auto" ? {} : {sampler}), tolerance: TOLERANCE}),
-        slice: (wi) => ({...common, wi, outputs: ["fr_cos", ...state.overlays.filter((name) => name !== "pdf" && name !== "fr_cos")], tolerance: TOLERANCE}),
+        grid: {...common, wi: {grid}, outputs: ["fr_cos"]},
+        samples: {...common, n: state.samples, seed: state.seed, ...named, outputs: ["wi", "weight"]},
+        pdf: {...common, ...named},
+        slice: {...common, outputs},
     };
 }
 
@@ -60,7 +59,7 @@ function curlLines(grid, sampler) {
     const lines = [
         ["All directions of light, 64 × 128, one number each", line("v1/eval", {request: r.grid})],
         ["The plane of incidence, every two degrees on the lit side",
-            line("v1/eval", {request: r.slice(lit)}).replace('"THETA"', "['$(seq -s, 0 0.035 1.57)']")],
+            line("v1/eval", {request: {...r.slice, wi: lit}}).replace('"THETA"', "['$(seq -s, 0 0.035 1.57)']")],
     ];
     if (state.samples) lines.push([`${state.samples} sampled directions with weight and density`, line("v1/sample", {request: {...r.samples, outputs: ["wi", "weight", "pdf"]}})]);
     return lines;
@@ -96,19 +95,25 @@ export function create({problem}) {
     // ---- Asking and drawing, one at a time, always the newest --------------------------------------
 
     const frames = [], requestTimes = [];
-    function note(ms) {
+    let told = 0;
+    function note(ms, moving) {
         requestTimes.push(...ms);
         requestTimes.splice(0, Math.max(0, requestTimes.length - 120));
         const now = performance.now();
         frames.push(now);
         while (now - frames[0] > 1000) frames.shift();
+        rate.dataset.total = Number(rate.dataset.total ?? 0) + 1;
+        if (moving && now - told < 250) return;
+        told = now;
         const sorted = [...requestTimes].sort((a, b) => a - b), median = sorted[sorted.length >> 1];
         rate.textContent = `${frames.length} redraws in the last second, ${milliseconds(median)} a request`;
         rate.dataset.median = median;
         rate.dataset.worst = sorted[Math.floor(sorted.length * 0.95)];
-        rate.dataset.total = Number(rate.dataset.total ?? 0) + 1;
+        for (const [node, text] of texts) node.textContent = text;
     }
 
+    // Written a few times a second while wo moves: text costs a layout, and a screen reader reads it aloud.
+    let texts = [];
     function draw(ts, slice, pdf, grid, gridShape, samples) {
         const values = {};
         for (const {name} of OVERLAYS) if (slice.arrays[name]) values[name] = luminance(slice.arrays[name], slice.arrays[name].channels);
@@ -127,12 +132,11 @@ export function create({problem}) {
         const wo = angles(state.theta, state.phi);
         const peak = disk.draw(luminance(grid.arrays.fr_cos, grid.arrays.fr_cos.channels), gridShape.theta, gridShape.phi,
             samples && {wi: samples.arrays.wi, weight: samples.arrays.weight}, [wo.theta, wo.phi]);
-        scale.textContent = `brightest ${short(peak)} sr⁻¹`;
-        wasted.textContent = samples ? `${samples.wasted} of ${samples.count} samples wasted (${short(100 * samples.wasted / samples.count)} %), sampler ${samples.sampler}` : "";
+        const waste = samples ? `${samples.wasted} of ${samples.count} samples wasted (${short(100 * samples.wasted / samples.count)} %), sampler ${samples.sampler}` : "";
         let best = 0;
         values.fr_cos.forEach((v, i) => { if (v > values.fr_cos[best]) best = i; });
-        facts.textContent = `wo at ${degrees(state.theta)}: f_r cos θi is largest, ${short(values.fr_cos[best])} sr⁻¹, at ${degrees(ts[best])}. ` +
-            `Computed by tier ${slice.accuracy.tier}, each number within ${short(slice.accuracy.bound)} of the exact one.`;
+        texts = [[scale, `brightest ${short(peak)} sr⁻¹`], [wasted, waste], [facts, `wo at ${degrees(state.theta)}: f_r cos θi is largest, ${short(values.fr_cos[best])} sr⁻¹, at ${degrees(ts[best])}. ` +
+            `Computed by tier ${slice.accuracy.tier}, each number within ${short(slice.accuracy.bound)} of the exact one.`]];
     }
 
     async function redraw(signal) {
@@ -146,13 +150,13 @@ export function create({problem}) {
         const gridShape = fine ? {theta: 128, phi: 256} : {theta: 64, phi: 128};
         const ts = planeAngles(), wi = planeOf(ts), r = requests(gridShape, chosen);
         const [slice, grid, samples, pdf] = await Promise.all([
-            askArrays("v1/eval", r.slice(wi), null, signal),
+            askArrays("v1/eval", r.slice, {wi}, signal),
             askArrays("v1/eval", r.grid, null, signal),
             state.samples && samplers.length ? askArrays("v1/sample", r.samples, null, signal) : null,
-            state.overlays.includes("pdf") && samplers.length ? askArrays("v1/pdf", r.pdf(wi), null, signal) : null,
+            state.overlays.includes("pdf") && chosen !== "auto" ? askArrays("v1/pdf", r.pdf, {wi}, signal) : null,
         ]);
         draw(ts, slice, pdf, grid, gridShape, samples);
-        note([slice, grid, samples, pdf].filter(Boolean).map((a) => a.ms));
+        note([slice, grid, samples, pdf].filter(Boolean).map((a) => a.ms), moving);
         problem.clear();
         if (!moving) curl.set(curlLines({theta: 64, phi: 128}, chosen));
     }
@@ -176,7 +180,8 @@ export function create({problem}) {
     }
     disk.canvas.addEventListener("lostpointercapture", update);
     polar.handle.addEventListener("lostpointercapture", update);
-    return {stage, update: () => {
+    return {stage, update: (changed) => {
+        if (!changed) disk.colors = null; // perhaps other ones
         logarithmic.input.checked = state.log;
         count.value = state.samples;
         overlays.forEach((node, i) => { node.input.checked = state.overlays.includes(OVERLAYS[i].name); });

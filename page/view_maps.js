@@ -1,17 +1,34 @@
 // view_maps.js - a displacement map in, what its texels mean as lobes at every distance out (LEADR).
 import {curlBox, line} from "./curl.js";
 import {button, dropZone, el, field, saveAs, select, slider, table} from "./dom.js";
-import {DEGREE, bytes, luminance, milliseconds, short} from "./numbers.js";
+import {DEGREE, bytes, luminance, milliseconds, short, viridis} from "./numbers.js";
 import {Polar} from "./polar.js";
 import {askArrays, upload} from "./service.js";
-import {set, state} from "./state.js";
+import {direction, set, state} from "./state.js";
 
 export const title = "Maps";
 export const lead = "Drop a displacement map: seen from afar its bumps become roughness. Pick a level and a texel and see the lobe it stands for (LEADR).";
 export const usesMaterial = false;
 
 const PREVIEWS = [["roughness", "Roughness"], ["normal", "Mean normal"], ["anisotropy", "Anisotropy"]];
+const BORDERS = [["periodic", "repeats"], ["clamp", "ends, continued by a parabola"], ["mirror", "is reflected"]];
 const KINDS = [["displacement", "heights"], ["normal", "normals"], ["slope", "slopes"]];
+
+// A grey picture in viridis, up to the roughness that all but a hundredth of the texels stay below.
+function coloured(bitmap, range) {
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height), context = canvas.getContext("2d");
+    context.drawImage(bitmap, 0, 0);
+    const image = context.getImageData(0, 0, bitmap.width, bitmap.height), {data} = image, counts = new Uint32Array(256);
+    for (let i = 0; i < data.length; i += 4) counts[data[i]]++;
+    let top = 255;
+    for (let above = counts[255]; top > 1 && above <= data.length / 400; above += counts[top]) top--;
+    for (let i = 0; i < data.length; i += 4) {
+        const c = 3 * Math.min(255, Math.round(data[i] / top * 255));
+        data[i] = viridis[c], data[i + 1] = viridis[c + 1], data[i + 2] = viridis[c + 2];
+    }
+    context.putImageData(image, 0, 0);
+    return {bitmap: canvas, range: range * top / 255};
+}
 
 export function create({problem, go}) {
     let file, answer, probe, controller, pictures = {}, shownKey = "", levelKey = "", textures = new Map();
@@ -23,10 +40,11 @@ export function create({problem, go}) {
     });
     const option = (members) => set({map: {...state.map, ...members}});
     const kind = select(KINDS, state.map.kind, (value) => option({kind: value}));
+    const border = select(BORDERS, state.map.border, (value) => option({border: value}));
     const scale = slider({label: "Height of the map, for a width of 1", min: 1e-4, max: 1, value: 0.1, scale: "log", onchange: (x) => option({scale: x})});
     const progress = el("progress", {max: 1, value: 0, "aria-label": "Progress of the filter"}), status = el("p", {class: "readout", role: "status"}, "No map yet.");
     const save = button("Download the EXR", download, {class: "main", disabled: true});
-    const controls = el("div", {class: "card"}, el("h2", {}, "Map"), drop, el("p", {class: "small"}, "It is sent to this daemon and nowhere else."), field("It holds", kind), scale, progress, status, save);
+    const controls = el("div", {class: "card"}, el("h2", {}, "Map"), drop, el("p", {class: "small"}, "It is sent to this daemon and nowhere else."), field("It holds", kind), field("Beyond its edge it", border), scale, progress, status, save);
 
     const level = el("input", {type: "range", min: 0, max: 0, step: 1, value: 0, oninput: () => set({level: Number(level.value), at: null})});
     const levelName = el("output"), images = el("div", {class: "triptych"}), probeHere = el("div", {class: "card probe"}), levels = el("div"), curl = curlBox();
@@ -37,7 +55,7 @@ export function create({problem, go}) {
     const content = [el("figure", {}, el("div", {class: "row"}, field("Level: each step halves the map", level), levelName), images,
         el("figcaption", {}, "Pick a texel with the pointer, or with the arrow keys on a picture.")), probeHere, levels, curl];
 
-    const query = (extra = "") => `v1/leadr?kind=${state.map.kind}&scale=${state.map.scale}&form=central${extra}`;
+    const query = (extra = "") => `v1/leadr?kind=${state.map.kind}&scale=${state.map.scale}&border=${state.map.border}&form=central${extra}`;
 
     function showCurl() {
         const name = file?.name ?? "heights.exr", at = state.at ?? [0.5, 0.5];
@@ -103,11 +121,12 @@ export function create({problem, go}) {
                 const cached = `${key} ${name}`;
                 if (!textures.has(cached)) {
                     const result = await upload(query(`&preview=${name}&level=${state.level}`), file, {accept: "image/png", signal});
-                    textures.set(cached, {bitmap: await createImageBitmap(new Blob([result.body], {type: "image/png"})), range: result.header("Facet-Preview-Range")});
+                    const bitmap = await createImageBitmap(new Blob([result.body], {type: "image/png"}));
+                    textures.set(cached, name === "roughness" ? coloured(bitmap, Number(result.header("Facet-Preview-Range"))) : {bitmap});
                 }
                 if (levelKey !== key) return;
                 Object.assign(pictures[name], textures.get(cached));
-                pictures[name].note.textContent = name === "roughness" ? `white: √(V11 + V22) = ${short(Number(textures.get(cached).range))}`
+                pictures[name].note.textContent = name === "roughness" ? `dark: 0, yellow: √(V11 + V22) ≥ ${short(textures.get(cached).range)}`
                     : name === "anisotropy" ? "hue: direction, saturation: 1 − α₂/α₁" : "n/2 + ½ as colour";
             }));
         }
@@ -119,9 +138,9 @@ export function create({problem, go}) {
     async function drawLobe() {
         polar.setView(lobeTheta);
         if (!probe?.material) return;
-        const ts = Array.from({length: 181}, (_, k) => (k - 90) * DEGREE), side = (t) => t < 0 ? Math.PI : 0;
-        const result = await askArrays("v1/eval", {material: probe.material, outputs: ["fr_cos"], tolerance: 1e-3,
-            wo: {theta: [Math.abs(lobeTheta)], phi: [side(lobeTheta)]}, wi: {theta: ts.map(Math.abs), phi: ts.map(side)}});
+        const ts = Array.from({length: 181}, (_, k) => (k - 90) * DEGREE);
+        const result = await askArrays("v1/eval", {material: probe.material, outputs: ["fr_cos"], tolerance: 1e-3, wo: [direction(lobeTheta, 0)]},
+            {wi: Float32Array.from(ts.flatMap((t) => direction(t, 0)))});
         polar.draw(ts, [{values: luminance(result.arrays.fr_cos, result.arrays.fr_cos.channels), color: 1, fill: true}], false);
     }
 
@@ -200,6 +219,7 @@ export function create({problem, go}) {
 
     return {controls, stage, async update() {
         kind.value = state.map.kind;
+        border.value = state.map.border;
         scale.set(state.map.scale);
         showCurl();
         if (!file) return;

@@ -5,13 +5,13 @@ import {ENVIRONMENTS, lookup, panorama, texel} from "./environment.js";
 import {samplerFor, samplersOf} from "./material.js";
 import {bytes, milliseconds, sRGB} from "./numbers.js";
 import {askArrays} from "./service.js";
-import {set, state} from "./state.js";
+import {forPicture, set, state} from "./state.js";
 
 export const title = "Sphere";
 export const lead = "Each pixel asks the service for directions of light, in binary float32, and averages what the environment shows there.";
 export const usesMaterial = true;
 
-const SIZE = 288, TILE = 4096, TOLERANCE = 1e-3, AT_ONCE = 2;
+const SIZE = 288, TILE = 4096, AT_ONCE = 2;
 
 // Pixels of the sphere: place in the picture, normal, and the frame whose z it is (x along the parallel).
 function pixelsOfSphere() {
@@ -72,7 +72,7 @@ export function create({problem}) {
         strip.getContext("2d").putImageData(picture, 0, 0);
     }
 
-    const request = (n, seed, sampler) => ({material: state.material, n, seed, sequence: "sobol", outputs: ["wi", "weight"], tolerance: TOLERANCE,
+    const request = (n, seed, sampler) => ({material: state.material, n, seed, sequence: "r2", outputs: ["wi", "weight"], ...forPicture(state.material),
         ...(sampler === "auto" ? {} : {sampler})});
 
     // Adds n samples for the pixels from .. to.
@@ -99,7 +99,7 @@ export function create({problem}) {
         taken = new Uint32Array(pixels.index.length);
         const count = pixels.index.length, tiles = Math.ceil(count / TILE), began = performance.now();
         let received = 0, samples = 0;
-        for (let done = 0, n = 1; done < state.spp; done += n, n = Math.min(8, 2 * n, state.spp - done)) {
+        for (let done = 0, n = 1; done < state.spp; done += n, n = Math.min(16, 2 * n, state.spp - done)) {
             let next = 0;
             const work = async () => {
                 while (next < tiles) {

@@ -10,11 +10,19 @@ export const title = "Trade";
 export const lead = "You say how wrong a number may be, the service takes the cheapest way that promises it. Move the tolerance and see what it buys.";
 export const usesMaterial = true;
 
-const GRID = {theta: 48, phi: 96}, PAIRS = GRID.theta * GRID.phi;
+const PAIRS = 2048;
 const EXAMPLES = [1e-3, 1e-6, 1e-9, 1e-12];
 const QUANTITY = "fr_cos";
 
-const request = () => ({material: state.material, wo: woOf(), wi: {grid: GRID}, outputs: [QUANTITY]});
+const request = () => ({material: state.material, wo: woOf(), outputs: [QUANTITY]});
+
+// Directions over the hemisphere, even in solid angle (a golden spiral), as float32 holds them.
+const WI = Float32Array.from({length: PAIRS}, (_, k) => (k + 0.5) / PAIRS).reduce((out, z, k) => {
+    const s = Math.sqrt(1 - z * z), phi = k * 2.399963229728653;
+    out.set([s * Math.cos(phi), s * Math.sin(phi), z], 3 * k);
+    return out;
+}, new Float32Array(3 * PAIRS));
+const vectors = (count) => Array.from({length: count}, (_, k) => [...WI.subarray(3 * k, 3 * k + 3)].map((x) => Number(x.toPrecision(9))));
 
 function largestError(values, exact, floor) {
     let worst = 0;
@@ -44,9 +52,12 @@ export function create({problem}) {
         chart.node,
         tableHere, curl);
 
+    // "dtype" is of what is sent and of what comes back.
+    const asked = (members, signal) => askArrays("v1/eval", {...request(), ...members}, {wi: members.dtype === "float64" ? Float64Array.from(WI) : WI}, signal);
+
     // One answer in float32 or float64 as it would travel, and its error against precise float64.
     async function measure(members, signal) {
-        const answer = await askArrays("v1/eval", {...request(), ...members}, null, signal);
+        const answer = await asked(members, signal);
         return {tier: answer.accuracy.tier, bound: answer.accuracy.bound, ms: answer.ms, size: answer.size,
             error: largestError(answer.arrays[QUANTITY], exact.arrays[QUANTITY], exact.accuracy.floor)};
     }
@@ -56,7 +67,7 @@ export function create({problem}) {
         const now = JSON.stringify(request());
         if (now === exactKey) return;
         ({tiers} = await capabilities());
-        exact = await askArrays("v1/eval", {...request(), tier: "precise", dtype: "float64"}, null, signal);
+        exact = await asked({tier: "precise", dtype: "float64"}, signal);
         const each = async (list, members) => Promise.all(list.map(async (value) => {
             try {
                 return [value, await measure(members(value), signal)];
@@ -67,7 +78,7 @@ export function create({problem}) {
         }));
         forced = await each(tiers.map((t) => t.name), (tier) => ({tier, dtype: "float64"}));
         examples = new Map(await each(EXAMPLES, (tolerance) => ({tolerance})));
-        for (const [tolerance, row] of examples) if (row) row.json = (await ask("v1/eval", {...request(), tolerance}, signal)).size;
+        for (const [tolerance, row] of examples) if (row) row.json = (await ask("v1/eval", {...request(), wi: vectors(PAIRS), tolerance}, signal)).size;
         exactKey = now;
     }
 
@@ -125,7 +136,7 @@ export function create({problem}) {
         let current = null;
         try {
             current = await measure({tolerance: state.tolerance}, signal);
-            const text = await ask("v1/eval", {...request(), tolerance: state.tolerance}, signal);
+            const text = await ask("v1/eval", {...request(), wi: vectors(PAIRS), tolerance: state.tolerance}, signal);
             Object.assign(current, {json: text.size, ns: costOf(tiers, current.tier, state.material.ndf)});
             problem.clear();
         } catch (error) {
@@ -136,9 +147,10 @@ export function create({problem}) {
         else facts.replaceChildren(), verdict.textContent = "";
         draw(current);
         drawTable(current);
-        const example = {...request(), tolerance: state.tolerance};
-        curl.set([["These numbers as JSON, with the tier and bound they came with", line("v1/eval", {request: example})],
-            ["As raw floats; the headers name the layout and the accuracy", line("v1/eval", {request: example, accept: "application/octet-stream", output: "fr_cos.bin -D -"})],
+        const example = {...request(), wi: vectors(3), tolerance: state.tolerance};
+        curl.set([["Three of these directions as JSON, with the tier and bound they came with", line("v1/eval", {request: example})],
+            ["Half a million as raw floats; the headers name the layout and the accuracy",
+                line("v1/eval", {request: {...example, wi: {random: {n: 500000}}}, accept: "application/octet-stream", output: "fr_cos.bin -D -"})],
             ["What each tier promises and costs here", line("v1/capabilities")]]);
     }
 
