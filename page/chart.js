@@ -3,7 +3,7 @@
 import {el, svg} from "./dom.js";
 import {power, short} from "./numbers.js";
 
-const WIDTH = 640, LEFT = 62, RIGHT = 14, TOP = 12, BOTTOM = 42;
+const LEFT = 62, RIGHT = 14, TOP = 12, BOTTOM = 42;
 
 export function linearTicks(min, max, count) {
     const raw = (max - min) / count, base = 10 ** Math.floor(Math.log10(raw));
@@ -28,16 +28,23 @@ function scaleOf(axis, from, to) {
 }
 
 export class Chart {
-    // title is what a screen reader says; height in the units of a width of 640.
+    // title is what a screen reader says; a unit of the picture is a pixel, whatever its width.
     constructor({title, height = 300}) {
         this.height = height;
+        this.width = 640;
         this.axes = svg("g", {class: "axes"});
         this.data = svg("g", {class: "data"});
         this.cursor = svg("line", {class: "cursor", visibility: "hidden"});
-        this.svg = svg("svg", {viewBox: `0 0 ${WIDTH} ${height}`, class: "chart", role: "img", "aria-label": title},
+        this.svg = svg("svg", {viewBox: `0 0 640 ${height}`, class: "chart", role: "img", "aria-label": title},
             this.axes, this.data, this.cursor);
         this.readout = el("p", {class: "readout"}, "\u00a0");
         this.node = el("figure", {}, this.svg, this.readout);
+        new ResizeObserver(([{contentRect: {width}}]) => {
+            if (!width || Math.abs(width - this.width) < 1) return;
+            this.width = width;
+            this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+            if (this.last) this.draw(this.last);
+        }).observe(this.svg);
         this.svg.addEventListener("pointermove", (event) => this.#read(event));
         this.svg.addEventListener("pointerleave", () => this.#read());
     }
@@ -47,11 +54,11 @@ export class Chart {
     }
 
     #drawAxes(x, y) {
-        const key = JSON.stringify([x, y]);
+        const key = JSON.stringify([x, y, this.width]);
         if (key === this.key) return;
         this.key = key;
         const bottom = this.height - BOTTOM, parts = [];
-        const xTicks = x.ticks ?? (x.log ? decadeTicks(x.min, x.max, 8) : linearTicks(x.min, x.max, 8));
+        const xTicks = x.ticks ?? (x.log ? decadeTicks(x.min, x.max, this.width / 80) : linearTicks(x.min, x.max, this.width / 80));
         const yTicks = y.ticks ?? (y.log ? decadeTicks(y.min, y.max, 7) : linearTicks(y.min, y.max, 5));
         const text = (axis, v) => axis.format ? axis.format(v) : axis.log ? power(Math.round(Math.log10(v))) : short(v);
         for (const v of xTicks) {
@@ -59,27 +66,27 @@ export class Chart {
                 svg("text", {x: this.x(v), y: bottom + 17, "text-anchor": "middle"}, text(x, v)));
         }
         for (const v of yTicks) {
-            parts.push(svg("line", {x1: LEFT, x2: WIDTH - RIGHT, y1: this.y(v), y2: this.y(v)}),
+            parts.push(svg("line", {x1: LEFT, x2: this.width - RIGHT, y1: this.y(v), y2: this.y(v)}),
                 svg("text", {x: LEFT - 7, y: this.y(v) + 4, "text-anchor": "end"}, text(y, v)));
         }
-        parts.push(svg("text", {class: "label", x: (LEFT + WIDTH - RIGHT) / 2, y: this.height - 6, "text-anchor": "middle"}, x.label),
+        parts.push(svg("text", {class: "label", x: (LEFT + this.width - RIGHT) / 2, y: this.height - 6, "text-anchor": "middle"}, x.label),
             svg("text", {class: "label", transform: `translate(14 ${(TOP + bottom) / 2}) rotate(-90)`, "text-anchor": "middle"}, y.label));
         this.axes.replaceChildren(...parts);
     }
 
     // series: [{name, color: 1.., kind: "line" (default) | "points" | "rings", xs, ys, labels, dash}]
     // rules: [{y or x, name}]; mark: {x, y} is ringed.
-    draw({x, y, series, rules = [], mark}) {
-        const bottom = this.height - BOTTOM;
-        this.x = scaleOf(x, LEFT, WIDTH - RIGHT);
+    draw(picture) {
+        const {x, y, series, rules = [], mark} = this.last = picture, bottom = this.height - BOTTOM;
+        this.x = scaleOf(x, LEFT, this.width - RIGHT);
         this.y = scaleOf(y, bottom, TOP);
         this.series = series;
         this.axis = {x, y};
         this.#drawAxes(x, y);
         const inside = (v) => Math.max(TOP - 4, Math.min(bottom + 4, v));
         const parts = rules.map((rule) => rule.y !== undefined
-            ? svg("g", {class: "rule"}, svg("line", {x1: LEFT, x2: WIDTH - RIGHT, y1: this.y(rule.y), y2: this.y(rule.y)}),
-                svg("text", {x: WIDTH - RIGHT - 4, y: this.y(rule.y) - 5, "text-anchor": "end"}, rule.name))
+            ? svg("g", {class: "rule"}, svg("line", {x1: LEFT, x2: this.width - RIGHT, y1: this.y(rule.y), y2: this.y(rule.y)}),
+                svg("text", {x: this.width - RIGHT - 4, y: this.y(rule.y) - 5, "text-anchor": "end"}, rule.name))
             : svg("g", {class: "rule"}, svg("line", {y1: TOP, y2: bottom, x1: this.x(rule.x), x2: this.x(rule.x)}),
                 svg("text", {x: this.x(rule.x) + 4, y: TOP + 12}, rule.name)));
         for (const s of series) {
@@ -87,7 +94,7 @@ export class Chart {
                 s.xs.forEach((v, i) => {
                     const cx = this.x(v), cy = inside(this.y(s.ys[i]));
                     parts.push(svg("circle", {class: `${s.kind} c${s.color}`, cx, cy, r: 5}));
-                    const nearEnd = cx > WIDTH - 150;
+                    const nearEnd = cx > this.width - 150;
                     if (s.labels) parts.push(svg("text", {x: cx + (nearEnd ? -9 : 9), y: cy - 7, "text-anchor": nearEnd ? "end" : "start"}, s.labels[i]));
                 });
                 continue;
@@ -115,7 +122,7 @@ export class Chart {
             this.readout.textContent = "\u00a0";
             return;
         }
-        const box = this.svg.getBoundingClientRect(), px = (event.clientX - box.left) / box.width * WIDTH;
+        const box = this.svg.getBoundingClientRect(), px = (event.clientX - box.left) / box.width * this.width;
         const xs = lines[0].xs;
         let near = 0;
         for (let i = 1; i < xs.length; i++)

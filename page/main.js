@@ -97,12 +97,20 @@ async function show() {
     document.title = `facetd: ${VIEWS[name].title}`;
     at("lead").textContent = view.module.lead;
     links();
+    at("jump").hidden = !view.module.usesMaterial;
     editor ??= materialEditor();
     controls.replaceChildren(...[view.controls, view.module.usesMaterial && editor].filter(Boolean));
     stage.replaceChildren(view.problem.node, view.stage);
     if (bad.length) say(`Left out of the address, as it cannot be read: ${bad.join(", ")}.`);
     await refresh();
 }
+
+// Not by fragments, which are the views'.
+at("skip").addEventListener("click", () => stage.focus());
+at("jump").addEventListener("click", () => {
+    controls.scrollIntoView();
+    controls.querySelector("select, input")?.focus({preventScroll: true});
+});
 
 function links() {
     at("views").replaceChildren(el("ul", {}, names.map((name) => el("li", {},

@@ -43,9 +43,9 @@ const planeOf = (ts) => Float32Array.from(ts.flatMap((t) => direction(t, state.p
 
 // The request of each picture; also what the curl lines show.
 function requests(grid, sampler) {
-    const common = {material: state.material, wo: woOf(), ...forPicture(state.material)}, named = sampler === "auto" ? {} : {sampler};
+    const common = {material: state.material, wo: woOf(), ...forPicture(state.material)}, named = !sampler || sampler === "auto" ? {} : {sampler};
     // eval knows the density of the sampler taken by default.
-    const outputs = ["fr_cos", ...state.overlays.filter((name) => name !== "fr_cos" && (name !== "pdf" || sampler === "auto"))];
+    const outputs = ["fr_cos", ...state.overlays.filter((name) => name !== "fr_cos" && (name !== "pdf" || !named.sampler))];
     return {
         grid: {...common, wi: {grid}, outputs: ["fr_cos"]},
         samples: {...common, n: state.samples, seed: state.seed, ...named, outputs: ["wi", "weight"]},
@@ -61,7 +61,7 @@ function curlLines(grid, sampler) {
         ["The plane of incidence, every two degrees on the lit side",
             line("v1/eval", {request: {...r.slice, wi: lit}}).replace('"THETA"', "['$(seq -s, 0 0.035 1.57)']")],
     ];
-    if (state.samples) lines.push([`${state.samples} sampled directions with weight and density`, line("v1/sample", {request: {...r.samples, outputs: ["wi", "weight", "pdf"]}})]);
+    if (state.samples && sampler) lines.push([`${state.samples} sampled directions with weight and density`, line("v1/sample", {request: {...r.samples, outputs: ["wi", "weight", "pdf"]}})]);
     return lines;
 }
 
@@ -85,7 +85,7 @@ export function create({problem}) {
 
     const stage = el("div", {class: "lobe-view"},
         el("div", {class: "pair"},
-            el("figure", {}, polar.svg, el("figcaption", {}, "In the plane of incidence: f_r cos θi, and what is chosen below in sr⁻¹."), logarithmic, facts),
+            el("figure", {}, polar.svg, el("figcaption", {}, "In the plane of incidence: f_r cos θi, and f_r and pdf where chosen below."), logarithmic, facts),
             el("figure", {}, disk.canvas, el("figcaption", {}, "From above, equal-area: colour is f_r cos θi over four decades, dots are samples, crosses outside the horizon are wasted."), scale, wasted)),
         el("fieldset", {class: "overlays"}, el("legend", {}, "Curves"), overlays),
         chart.node,
@@ -121,7 +121,7 @@ export function create({problem}) {
         const shown = OVERLAYS.filter(({name}) => state.overlays.includes(name) && values[name]);
         polar.setView(state.theta);
         polar.draw(ts, [{values: values.fr_cos, color: 1, fill: true},
-            ...shown.filter(({name, unit}) => unit && name !== "fr_cos").map(({name, color, dash}) => ({values: values[name], color, dash}))], state.log);
+            ...shown.filter(({name}) => name === "fr" || name === "pdf").map(({name, color, dash}) => ({values: values[name], color, dash}))], state.log);
         const most = Math.max(1e-9, ...shown.flatMap(({name}) => Math.max(...values[name]))), top = 10 ** Math.ceil(Math.log10(most) + 0.05);
         chart.draw({
             x: {label: "θi in the plane of incidence", name: "θi", min: -Math.PI / 2, max: Math.PI / 2, ticks: [-90, -60, -30, 0, 30, 60, 90].map((d) => d * DEGREE), format: degrees},
@@ -158,7 +158,7 @@ export function create({problem}) {
         draw(ts, slice, pdf, grid, gridShape, samples);
         note([slice, grid, samples, pdf].filter(Boolean).map((a) => a.ms), moving);
         problem.clear();
-        if (!moving) curl.set(curlLines({theta: 64, phi: 128}, chosen));
+        if (!moving) curl.set(curlLines({theta: 64, phi: 128}, samplers.length ? chosen : ""));
     }
 
     let busy = false, stale = false;

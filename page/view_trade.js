@@ -37,6 +37,9 @@ function costOf(tiers, tier, ndf) {
     return model?.quantities.find((q) => q.quantity === QUANTITY)?.ns;
 }
 
+// Errors are against precise float64, which has none against itself.
+const actual = (row) => row.tier === "precise" && !row.error ? "the reference" : short(row.error);
+
 export function create({problem}) {
     let exact, exactKey = "", forced = [], examples = new Map(), tiers = [];
     const range = el("input", {type: "range", min: -15, max: -1, step: 0.25, "aria-label": "Tolerance, largest relative error accepted",
@@ -86,7 +89,7 @@ export function create({problem}) {
         facts.replaceChildren(...[
             ["Tier", current.tier],
             ["Promised", `≤ ${short(current.bound)}`],
-            ["Actual, largest of " + PAIRS.toLocaleString("en"), short(current.error)],
+            ["Actual, largest of " + PAIRS.toLocaleString("en"), actual(current)],
             ["One evaluation", current.ns === undefined ? "–" : `${short(current.ns)} ns`],
             ["On the wire, a direction", `${short(current.size / PAIRS)} B raw, ${short(current.json / PAIRS)} B JSON`],
             ["This request", milliseconds(current.ms)],
@@ -117,14 +120,14 @@ export function create({problem}) {
         tableHere.replaceChildren(table("What a tolerance costs for this material",
             ["tolerance", "tier", "promised", "actual", "ns", "bytes raw", "bytes JSON"],
             rows.map(({tolerance, row}) => ({className: tolerance === state.tolerance ? "chosen" : undefined,
-                cells: row ? [short(tolerance), row.tier, short(row.bound), short(row.error), short(costOf(tiers, row.tier, state.material.ndf)), short(row.size / PAIRS), short(row.json / PAIRS)]
+                cells: row ? [short(tolerance), row.tier, short(row.bound), actual(row), short(costOf(tiers, row.tier, state.material.ndf)), short(row.size / PAIRS), short(row.json / PAIRS)]
                     : [short(tolerance), "none promises it", "–", "–", "–", "–", "–"]}))));
     }
 
     function sentence(current) {
         const other = examples.get(1e-12), ns = (row) => costOf(tiers, row.tier, state.material.ndf);
-        if (!other) return `No tier can promise 1e-12 for this material: its own constants amplify rounding. The chosen tolerance takes ${current.tier}.`;
-        if (current.tier === other.tier && current.size === other.size) return `At ${short(state.tolerance)} you pay what 1e-12 costs: tier ${current.tier}, ${short(current.size / PAIRS)} bytes a direction.`;
+        if (!other) return `No tier can promise ${power(-12)} for this material: its own constants amplify rounding. The chosen tolerance takes ${current.tier}.`;
+        if (current.tier === other.tier && current.size === other.size) return `At ${short(state.tolerance)} you pay what ${power(-12)} costs: tier ${current.tier}, ${short(current.size / PAIRS)} bytes a direction.`;
         const ratio = (a, b) => `${short(b / a, 2)} times`;
         return `Against a tolerance of ${power(-12)} you save: evaluation ${ratio(ns(current), ns(other))} as fast, ` +
             `${ratio(current.size, other.size)} fewer bytes raw and ${ratio(current.json, other.json)} fewer as JSON. ` +
