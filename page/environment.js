@@ -36,7 +36,7 @@ const SUN = [0.48, 0.64, 0.6];
 function sky(x, y, z) {
     if (y < -0.02) return mix([0.16, 0.13, 0.1], [0.3, 0.26, 0.2], smooth(-1, 0, y));
     const out = mix([1.0, 0.95, 0.88], [0.16, 0.34, 0.8], smooth(-0.02, 0.55, y));
-    const d = x * SUN[0] + y * SUN[1] + z * SUN[2], disc = 60 * smooth(0.990, 0.995, d) + 0.8 * Math.max(0, d) ** 24;
+    const d = x * SUN[0] + y * SUN[1] + z * SUN[2], disc = 16 * smooth(0.965, 0.985, d) + 0.8 * Math.max(0, d) ** 24;
     return [out[0] + disc, out[1] + 0.92 * disc, out[2] + 0.75 * disc];
 }
 
