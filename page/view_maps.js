@@ -2,6 +2,7 @@
 import {curlBox, line} from "./curl.js";
 import {button, dropZone, el, field, saveAs, select, slider, table} from "./dom.js";
 import {DEGREE, bytes, luminance, milliseconds, short, viridis} from "./numbers.js";
+import {mapFile} from "./plane.js";
 import {Polar} from "./polar.js";
 import {askArrays, upload} from "./service.js";
 import {direction, set, state} from "./state.js";
@@ -52,8 +53,9 @@ export function create({problem, go}) {
     polar.svg.setAttribute("aria-label", "Lobe of the texel: f_r cos θ in the plane of incidence along x");
     let lobeTheta = -0.7;
     const stage = el("div", {class: "maps-view"}, el("div", {class: "empty"}, el("p", {}, "Roughness, mean normal and anisotropy of each level appear here; a texel that you pick shows its lobe.")));
+    const shade = button("Shade a plane under this map", () => go("sphere", {surface: "plane"}));
     const content = [el("figure", {}, el("div", {class: "row"}, field("Level: each step halves the map", level), levelName), images,
-        el("figcaption", {}, "Pick a texel with the pointer, or with the arrow keys on a picture.")), probeHere, levels, curl];
+        el("figcaption", {}, "Pick a texel with the pointer, or with the arrow keys on a picture."), el("div", {class: "row"}, shade)), probeHere, levels, curl];
 
     const query = (extra = "") => `v1/leadr?kind=${state.map.kind}&scale=${state.map.scale}&border=${state.map.border}&form=central${extra}`;
 
@@ -194,6 +196,7 @@ export function create({problem, go}) {
             progress.value = 1;
             status.textContent = `${file.name}, ${answer.width} × ${answer.height}, ${answer.sample}: filtered in ${milliseconds(result.ms)}.`;
             shownKey = `${file.name} ${file.size} ${query()}`;
+            Object.assign(mapFile, {file, query: query().replace(/^.*\?/, "").replace("&form=central", "")});
             save.disabled = false;
             level.max = answer.levels.length - 1;
             if (state.level >= answer.levels.length) state.level = 0;

@@ -4,11 +4,12 @@ import {button, el, field, select, slider} from "./dom.js";
 import {ENVIRONMENTS, lookup, panorama, texel} from "./environment.js";
 import {samplerFor, samplersOf} from "./material.js";
 import {bytes, milliseconds, sRGB} from "./numbers.js";
+import {mapFile, PLANE_WO, renderPlane, TILT} from "./plane.js";
 import {askArrays} from "./service.js";
 import {forPicture, set, state} from "./state.js";
 
 export const title = "Sphere";
-export const lead = "Each pixel asks the service for directions of light, in binary float32, and averages what the environment shows there.";
+export const lead = "Every pixel asks the service for directions of light, in binary float32, and averages what the environment shows there.";
 export const usesMaterial = true;
 
 const SIZE = 288, TILE = 4096, AT_ONCE = 2;
@@ -38,15 +39,17 @@ export function create({problem}) {
     const strip = el("canvas", {width: 288, height: 72, class: "strip", role: "img", "aria-label": "The environment, all around"});
     const environment = select(Object.entries(ENVIRONMENTS).map(([name, {label}]) => [name, label]), state.environment, (value) => set({environment: value}));
     const spp = select([16, 64, 256, 1024].map((n) => [n, `${n} samples a pixel`]), state.spp, (value) => set({spp: Number(value)}));
+    const surface = select([["sphere", "Sphere"], ["plane", "Plane under a map"]], state.surface, (value) => set({surface: value}));
     const exposure = slider({label: "Exposure, stops", min: -3, max: 3, value: 0, step: 0.1, onchange: (x) => { stops = x; paint(); }});
     const stop = button("Stop", () => { controller?.abort(); say("Stopped."); });
     const curl = curlBox();
     const stage = el("div", {class: "sphere-view"},
         el("div", {class: "pair"},
             el("figure", {}, canvas, progress, status),
-            el("div", {class: "card"}, field("Environment", environment), strip, field("Quality", spp), exposure, el("div", {class: "row"}, stop, button("Again", () => start())))),
+            el("div", {class: "card"}, field("Surface", surface), field("Environment", environment), strip, field("Quality", spp), exposure, el("div", {class: "row"}, stop, button("Again", () => start())))),
         curl);
 
+    let plane = null; // width, height, radiance of its texels
     let pixels, sums, taken, controller, stops = 0, drawnKey = "";
     const say = (text) => { status.textContent = text; };
 
@@ -54,8 +57,20 @@ export function create({problem}) {
         return 255 * sRGB(1 - Math.exp(-x * 2 ** stops));
     }
 
-    function paint() {
-        if (!sums) return;
+    function paintPlane() {
+        const {width, height, radiance} = plane, image = new ImageData(width, height);
+        for (let k = 0; k < width * height; k++) {
+            for (let c = 0; c < 3; c++) image.data[4 * k + c] = tone(radiance[3 * k + c]);
+            image.data[4 * k + 3] = 255;
+        }
+        const small = new OffscreenCanvas(width, height), tall = SIZE * Math.cos(TILT);
+        small.getContext("2d").putImageData(image, 0, 0);
+        context.clearRect(0, 0, SIZE, SIZE);
+        context.imageSmoothingEnabled = false;
+        context.drawImage(small, 0, (SIZE - tall) / 2, SIZE, tall);
+    }
+
+    function paintSphere() {
         const image = context.createImageData(SIZE, SIZE);
         for (let p = 0; p < pixels.index.length; p++) {
             if (!taken[p]) continue;
@@ -64,6 +79,11 @@ export function create({problem}) {
             image.data[to + 3] = 255;
         }
         context.putImageData(image, 0, 0);
+    }
+
+    function paint() {
+        if (plane) paintPlane();
+        else if (sums) paintSphere();
         const all = panorama(lookup(state.environment), strip.width, strip.height), picture = strip.getContext("2d").createImageData(strip.width, strip.height);
         for (let k = 0; k < strip.width * strip.height; k++) {
             for (let c = 0; c < 3; c++) picture.data[4 * k + c] = tone(all[3 * k + c]);
@@ -92,7 +112,20 @@ export function create({problem}) {
         return answer.size;
     }
 
+    async function shadePlane(signal) {
+        const began = performance.now(), {alpha, alpha_x, alpha_y, rho, mean_slope, slopes, ...rest} = state.material;
+        const {total, refused} = await renderPlane({signal, samples: state.spp, environment: state.environment, accuracy: {tolerance: 1e-3},
+            material: {...rest, ndf: "beckmann"},
+            tell: (part, text) => { progress.value = part, say(text); },
+            paint: (width, height, radiance) => { plane = {width, height, radiance}, paint(); }});
+        progress.value = 1;
+        say(`${total} texels of ${mapFile.file?.name ?? "the map built in"}, each a request with ${state.spp} samples, in ${milliseconds(performance.now() - began)}.` +
+            (refused ? ` ${refused} are too steep to have a lobe.` : "") + " Roughness comes from the map; of the material the Fresnel term, masking and diffuse part are taken.");
+    }
+
     async function render(signal) {
+        plane = null;
+        if (state.surface === "plane") return shadePlane(signal);
         const samplers = await samplersOf(state.material), sampler = samplerFor(samplers);
         pixels ??= pixelsOfSphere();
         sums = new Float64Array(3 * pixels.index.length);
@@ -118,10 +151,12 @@ export function create({problem}) {
             `${(samples / 1e6 / (performance.now() - began) * 1000).toFixed(1)} million a second with this page's own work.`);
     }
 
+    const keyNow = () => JSON.stringify([state.material, state.environment, state.spp, state.sampler, state.surface, state.surface === "plane" && mapFile.file?.name, mapFile.query]);
+
     async function start() {
         controller?.abort();
         const mine = controller = new AbortController();
-        drawnKey = JSON.stringify([state.material, state.environment, state.spp, state.sampler]);
+        drawnKey = keyNow();
         progress.value = 0;
         problem.clear();
         stop.disabled = false;
@@ -138,10 +173,14 @@ export function create({problem}) {
         update() {
             environment.value = state.environment;
             spp.value = state.spp;
+            surface.value = state.surface;
+            canvas.setAttribute("aria-label", state.surface === "plane" ? "The shaded plane, its normal 30 degrees from the view" : "The shaded sphere");
             exposure.set(stops);
-            curl.set([["Eight directions of light for one pixel, with their weights", line("v1/sample", {request: {wo: [[0, 0.6, 0.8]], ...request(8, 1, "auto")}})],
+            if (state.surface === "plane") curl.set([["The slope moments of every texel and level", line("v1/leadr?compression=none&y=up", {file: mapFile.file?.name ?? "heights.png", output: "leadr.exr"})],
+                ["Light for one texel, from its moments E1 to E5", line("v1/sample", {request: {material: {ndf: "beckmann", moments: [0.1, 0, 0.05, 0.03, 0]}, wo: [PLANE_WO.map((x) => Number(x.toFixed(9)))], n: 64, sequence: "r2", tolerance: 1e-3}})]]);
+            else curl.set([["Eight directions of light for one pixel, with their weights", line("v1/sample", {request: {wo: [[0, 0.6, 0.8]], ...request(8, 1, "auto")}})],
                 ["The same for the directions of view in a file of float32", `${line("v1/sample", {accept: "application/octet-stream", output: "samples.bin"})} -F wo=@wo.f32 -F 'request=${JSON.stringify(request(8, 1, "auto"))}'`]]);
-            if (drawnKey !== JSON.stringify([state.material, state.environment, state.spp, state.sampler])) return start();
+            if (drawnKey !== keyNow()) return start();
             paint();
         },
         stop() {
