@@ -114,7 +114,7 @@ export function create({problem}) {
 
     // Written a few times a second while wo moves: text costs a layout, and a screen reader reads it aloud.
     let texts = [];
-    function draw(ts, slice, pdf, grid, gridShape, samples) {
+    function draw({theta, phi}, ts, slice, pdf, grid, gridShape, samples) {
         const values = {};
         for (const {name} of OVERLAYS) if (slice.arrays[name]) values[name] = luminance(slice.arrays[name], slice.arrays[name].channels);
         if (pdf) values.pdf = pdf.arrays.pdf;
@@ -127,19 +127,20 @@ export function create({problem}) {
             x: {label: "θi in the plane of incidence", name: "θi", min: -Math.PI / 2, max: Math.PI / 2, ticks: [-90, -60, -30, 0, 30, 60, 90].map((d) => d * DEGREE), format: degrees},
             y: {label: "sr⁻¹; G and F without unit", log: true, min: top / 1e6, max: top},
             series: shown.map(({name, label, color, dash}) => ({name: label, color, dash, xs: ts, ys: values[name]})),
-            rules: [{x: -state.theta, name: "mirror"}],
+            rules: [{x: -theta, name: "mirror"}],
         });
-        const wo = angles(state.theta, state.phi);
+        const wo = angles(theta, phi);
         const peak = disk.draw(luminance(grid.arrays.fr_cos, grid.arrays.fr_cos.channels), gridShape.theta, gridShape.phi,
             samples && {wi: samples.arrays.wi, weight: samples.arrays.weight}, [wo.theta, wo.phi]);
         const waste = samples ? `${samples.wasted} of ${samples.count} samples wasted (${short(100 * samples.wasted / samples.count)} %), sampler ${samples.sampler}` : "";
         let best = 0;
         values.fr_cos.forEach((v, i) => { if (v > values.fr_cos[best]) best = i; });
-        texts = [[scale, `brightest ${short(peak)} sr⁻¹`], [wasted, waste], [facts, `wo at ${degrees(state.theta)}: f_r cos θi is largest, ${short(values.fr_cos[best])} sr⁻¹, at ${degrees(ts[best])}. ` +
+        texts = [[scale, `brightest ${short(peak)} sr⁻¹`], [wasted, waste], [facts, `wo at ${degrees(theta)}: f_r cos θi is largest, ${short(values.fr_cos[best])} sr⁻¹, at ${degrees(ts[best])}. ` +
             `Computed by tier ${slice.accuracy.tier}, each number within ${short(slice.accuracy.bound)} of the exact one.`]];
     }
 
-    async function redraw(signal) {
+    // Asks for everything; what it returns draws it.
+    async function fetchAll() {
         const samplers = await samplersOf(state.material), chosen = samplerFor(samplers);
         const options = [["auto", "auto"], ...samplers.map((s) => [s, s])];
         if (sampler.options.length !== options.length || [...sampler.options].some((o, i) => o.value !== options[i][0]))
@@ -148,17 +149,19 @@ export function create({problem}) {
         sampler.disabled = count.disabled = !samplers.length;
         const moving = polar.dragging || disk.dragging, fine = !moving && smallestAlpha(state.material) < 0.1;
         const gridShape = fine ? {theta: 128, phi: 256} : {theta: 64, phi: 128};
-        const ts = planeAngles(), wi = planeOf(ts), r = requests(gridShape, chosen);
+        const seen = {theta: state.theta, phi: state.phi}, ts = planeAngles(), wi = planeOf(ts), r = requests(gridShape, chosen);
         const [slice, grid, samples, pdf] = await Promise.all([
-            askArrays("v1/eval", r.slice, {wi}, signal),
-            askArrays("v1/eval", r.grid, null, signal),
-            state.samples && samplers.length ? askArrays("v1/sample", r.samples, null, signal) : null,
-            state.overlays.includes("pdf") && chosen !== "auto" ? askArrays("v1/pdf", r.pdf, {wi}, signal) : null,
+            askArrays("v1/eval", r.slice, {wi}),
+            askArrays("v1/eval", r.grid),
+            state.samples && samplers.length ? askArrays("v1/sample", r.samples) : null,
+            state.overlays.includes("pdf") && chosen !== "auto" ? askArrays("v1/pdf", r.pdf, {wi}) : null,
         ]);
-        draw(ts, slice, pdf, grid, gridShape, samples);
-        note([slice, grid, samples, pdf].filter(Boolean).map((a) => a.ms), moving);
-        problem.clear();
-        if (!moving) curl.set(curlLines({theta: 64, phi: 128}, samplers.length ? chosen : ""));
+        return () => {
+            draw(seen, ts, slice, pdf, grid, gridShape, samples);
+            note([slice, grid, samples, pdf].filter(Boolean).map((a) => a.ms), moving);
+            problem.clear();
+            if (!moving) curl.set(curlLines({theta: 64, phi: 128}, samplers.length ? chosen : ""));
+        };
     }
 
     let busy = false, stale = false;
@@ -167,11 +170,21 @@ export function create({problem}) {
         stale = true;
         if (busy) return;
         busy = true;
-        while (stale) {
+        let coming = null;
+        const request = () => {
             stale = false;
+            coming = fetchAll();
+            coming.catch(() => {}); // shown when its turn comes
+        };
+        while (stale || coming) {
+            if (!coming) request();
             try {
-                await redraw();
+                const drawIt = await coming;
+                coming = null;
+                if (stale) request(); // under way while this is drawn
+                drawIt();
             } catch (error) {
+                coming = null;
                 problem.show(error);
             }
             await new Promise(requestAnimationFrame);
