@@ -14,6 +14,17 @@ export function line(path, {request, file, accept, output} = {}) {
     return parts.join(" ");
 }
 
+// Without https, and away from localhost, browsers give no clipboard: then the line is selected, ready to be copied.
+async function copied(code) {
+    try {
+        await navigator.clipboard.writeText(code.textContent);
+        return true;
+    } catch {
+        getSelection().selectAllChildren(code);
+        return document.execCommand("copy");
+    }
+}
+
 // Lines with what they do; set([[what, line], ...]).
 export function curlBox() {
     const list = el("div");
@@ -23,12 +34,12 @@ export function curlBox() {
         if (node.key === key) return;
         node.key = key;
         list.replaceChildren(...lines.map(([what, text]) => {
+            const code = el("code", {}, text);
             const copy = button("Copy", async () => {
-                await navigator.clipboard.writeText(text);
-                copy.textContent = "Copied";
+                copy.textContent = await copied(code) ? "Copied" : "Selected";
                 setTimeout(() => { copy.textContent = "Copy"; }, 1500);
             }, {"aria-label": `Copy the line: ${what}`});
-            return el("div", {class: "line"}, el("p", {}, what), el("pre", {tabindex: 0, "aria-label": `curl: ${what}`}, el("code", {}, text)), copy);
+            return el("div", {class: "line"}, el("p", {}, what), el("pre", {tabindex: 0, "aria-label": `curl: ${what}`}, code), copy);
         }));
     };
     return node;

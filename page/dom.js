@@ -90,6 +90,11 @@ export function button(label, onclick, attributes = {}) {
     return el("button", {type: "button", onclick, ...attributes}, label);
 }
 
+// What a view is about, for who sees such a thing for the first time.
+export function explain(...paragraphs) {
+    return el("details", {class: "card explain"}, el("summary", {}, "What is this?"), paragraphs.map((text) => el("p", {}, text)));
+}
+
 // A table: head of texts, rows of cells (text, node, or number already formatted).
 export function table(caption, head, rows, attributes = {}) {
     return el("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": caption},

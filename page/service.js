@@ -57,15 +57,22 @@ function refusal(status, text) {
     return new Problem(status, problem);
 }
 
+const BUSY = [429, 503], PATIENCE = 3;
+
 async function send(path, init) {
-    const began = performance.now();
-    let answer, body;
-    try {
-        answer = await fetch(path, {...init, headers: {...authorization(), ...init.headers}});
-        body = await answer.arrayBuffer();
-    } catch (error) {
-        if (error.name === "AbortError") throw error;
-        throw lost();
+    let began, answer, body;
+    for (let attempt = 0; ; attempt++) {
+        began = performance.now();
+        try {
+            answer = await fetch(path, {...init, headers: {...authorization(), ...init.headers}});
+            body = await answer.arrayBuffer();
+        } catch (error) {
+            if (error.name === "AbortError") throw error;
+            throw lost();
+        }
+        const wait = Number(answer.headers.get("Retry-After"));
+        if (!BUSY.includes(answer.status) || !wait || attempt === PATIENCE) break;
+        await new Promise((resolve) => setTimeout(resolve, 1000 * wait));
     }
     if (!answer.ok) throw refusal(answer.status, new TextDecoder().decode(body));
     return {answer, body, ms: performance.now() - began};

@@ -1,7 +1,7 @@
 // view_fit.js - a measured material in, the smallest model that meets the tolerance out.
 import {Chart} from "./chart.js";
 import {curlBox, line} from "./curl.js";
-import {button, dropZone, el, field, saveAs, select, slider, table} from "./dom.js";
+import {button, dropZone, el, explain, field, saveAs, select, slider, table} from "./dom.js";
 import {bytes, milliseconds, short} from "./numbers.js";
 import {schema, upload} from "./service.js";
 import {set, state} from "./state.js";
@@ -33,20 +33,26 @@ export function create({problem, go}) {
     drop.querySelector("input").setAttribute("aria-describedby", "fit-formats");
     const tolerance = slider({label: "rms of log error accepted", min: 1e-3, max: 1, value: 0.1, scale: "log", digits: 2, onchange: (x) => set({fit: {...state.fit, tolerance: x}})});
     const model = select([["auto", "every model"]], "auto", (value) => set({fit: {...state.fit, model: value}}));
+    const sample = button("No file? Fit the material of the other views", () => {
+        file = new File([JSON.stringify({source: state.material})], "material.json");
+        fit();
+    });
     const again = button("Fit again", () => fit(), {disabled: true});
     const progress = el("progress", {max: 1, value: 0, "aria-label": "Progress of the fit"}), status = el("p", {class: "readout", role: "status"}, "No file yet.");
     const controls = el("div", {class: "card"}, el("h2", {}, "Measurement"), drop, el("p", {class: "small", id: "fit-formats"}, "It is sent to this daemon and nowhere else."),
-        tolerance, field("Model", model), again, progress, status);
+        tolerance, field("Model", model), again, sample, progress, status);
     const results = el("div"), exported = el("div"), curl = curlBox();
-    const stage = el("div", {class: "fit-view"}, results, exported, curl);
+    const stage = el("div", {class: "fit-view"}, results, exported,
+        explain("A measured material is a table of how much light goes from each direction to each other one, tens of megabytes. A fit finds the few numbers of a formula that come close to it: 32 bytes for GGX with Schlick's term, some kilobytes with tables.",
+            "The error is the root mean square of the log of measured over fitted: 0.1 is about ten percent. The smallest model within what you accept is taken; the table shows what more bytes would buy."), curl);
 
     const path = (extra = "") => `v1/fit?tolerance=${state.fit.tolerance}${state.fit.model === "auto" ? "" : `&model=${state.fit.model}`}${extra}`;
 
     function showCurl() {
-        const name = file?.name ?? "gold.binary";
-        curl.set([["Fit a measurement; the material in the answer is what /v1/eval takes", line(path(), {file: name})],
-            ["The picture of measured and fitted lobes", line(path(), {file: name, accept: PICTURE, output: "lobes.svg"})],
-            ["The material as text for Mitsuba", line(path("&export=mitsuba"), {file: name})]]);
+        const body = file?.name === "material.json" ? {request: {source: state.material}} : {file: file?.name ?? "gold.binary"};
+        curl.set([["Fit a measurement; the material in the answer is what /v1/eval takes", line(path(), body)],
+            ["The picture of measured and fitted lobes", line(path(), {...body, accept: PICTURE, output: "lobes.svg"})],
+            ["The material as text for Mitsuba", line(path("&export=mitsuba"), body)]]);
     }
 
     function pareto() {

@@ -2,7 +2,7 @@
 import {Chart, swatch} from "./chart.js";
 import {curlBox, line} from "./curl.js";
 import {Disk} from "./disk.js";
-import {button, check, el, field, select} from "./dom.js";
+import {button, check, el, explain, field, select} from "./dom.js";
 import {axesOf} from "./ellipse.js";
 import {roughness, samplerFor, samplersOf, smallestAlpha} from "./material.js";
 import {DEGREE, degrees, luminance, milliseconds, short} from "./numbers.js";
@@ -90,6 +90,9 @@ export function create({problem}) {
         el("fieldset", {class: "overlays"}, el("legend", {}, "Curves"), overlays),
         chart.node,
         el("div", {class: "row"}, field("Sampler", sampler), field("Samples", count), button("New seed", () => set({seed: state.seed + 1})), rate),
+        explain("A microfacet surface is made of mirrors too small to see. α says how much they tilt: 0.01 is polished, 0.1 satin, 0.5 matte. Seen from wo, each direction of light wi is reflected by the mirrors that face the half vector h between the two.",
+            "D(h) counts those mirrors, G is the part of them that is neither hidden nor in shadow, F how much each reflects (the Fresnel term); together f_r = D·G·F / (4 cos θi cos θo), the BRDF. The blue lobe is f_r cos θi: where the light goes.",
+            "A renderer draws directions with a density, the pdf. The closer the pdf follows the lobe, the less noise; a direction below the horizon is wasted. Try the samplers at a low angle."),
         curl);
 
     // ---- Asking and drawing, one at a time, always the newest --------------------------------------

@@ -1,6 +1,6 @@
 // view_maps.js - a displacement map in, what its texels mean as lobes at every distance out (LEADR).
 import {curlBox, line} from "./curl.js";
-import {button, dropZone, el, field, saveAs, select, slider, table} from "./dom.js";
+import {button, dropZone, el, explain, field, saveAs, select, slider, table} from "./dom.js";
 import {DEGREE, bytes, luminance, milliseconds, short, viridis} from "./numbers.js";
 import {mapFile} from "./plane.js";
 import {Polar} from "./polar.js";
@@ -55,7 +55,9 @@ export function create({problem, go}) {
     const stage = el("div", {class: "maps-view"}, el("div", {class: "empty"}, el("p", {}, "Roughness, mean normal and anisotropy of each level appear here; a texel that you pick shows its lobe.")));
     const shade = button("Shade a plane under this map", () => go("sphere", {surface: "plane"}));
     const content = [el("figure", {}, el("div", {class: "row"}, field("Level: each step halves the map", level), levelName), images,
-        el("figcaption", {}, "Pick a texel with the pointer, or with the arrow keys on a picture."), el("div", {class: "row"}, shade)), probeHere, levels, curl];
+        el("figcaption", {}, "Pick a texel with the pointer, or with the arrow keys on a picture."), el("div", {class: "row"}, shade)), probeHere, levels,
+        explain("A displacement map says how high a surface is. A texel of a coarser level stands for many bumps: their mean slope tilts it, the spread of their slopes is its roughness, along two axes. Five numbers a texel hold that (mean slopes and second moments), and they may be averaged like colours: that is LEADR.",
+            "The EXR holds them for every level; a renderer looks them up like any texture and shades each pixel with the right lobe at any distance."), curl];
 
     const query = (extra = "") => `v1/leadr?kind=${state.map.kind}&scale=${state.map.scale}&border=${state.map.border}&form=central${extra}`;
 

@@ -1,6 +1,6 @@
 // view_sphere.js - a sphere under light from all around, averaged over directions that the service samples.
 import {curlBox, line} from "./curl.js";
-import {button, el, field, select, slider} from "./dom.js";
+import {button, el, explain, field, select, slider} from "./dom.js";
 import {ENVIRONMENTS, lookup, panorama, texel} from "./environment.js";
 import {samplerFor, samplersOf} from "./material.js";
 import {bytes, milliseconds, sRGB} from "./numbers.js";
@@ -47,6 +47,9 @@ export function create({problem}) {
         el("div", {class: "pair"},
             el("figure", {}, canvas, progress, status),
             el("div", {class: "card"}, field("Surface", surface), field("Environment", environment), strip, field("Quality", spp), exposure, el("div", {class: "row"}, stop, button("Again", () => start())))),
+        explain("Light leaves a pixel's point toward the eye from every direction above it. The service draws directions of light by the material's own lobe and says how much each weighs; the mean of weight times light is the pixel. More samples, less noise.",
+            "In the white furnace light is 1 everywhere: what is missing to white was absorbed by the Fresnel term or lost to light that bounces more than once among the facets.",
+            "The plane shades each texel of a map by the lobe of its own slopes, coarse levels first: from afar bumps become roughness."),
         curl);
 
     let plane = null; // width, height, radiance of its texels

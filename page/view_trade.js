@@ -1,7 +1,7 @@
 // view_trade.js - what a tolerance costs: tier, promised bound, actual error, nanoseconds, bytes.
 import {Chart, legend} from "./chart.js";
 import {curlBox, line} from "./curl.js";
-import {el, field, table} from "./dom.js";
+import {el, explain, field, table} from "./dom.js";
 import {bytes, milliseconds, power, short} from "./numbers.js";
 import {ask, askArrays, capabilities, Problem} from "./service.js";
 import {set, state, woOf} from "./state.js";
@@ -53,7 +53,11 @@ export function create({problem}) {
         el("div", {class: "card"}, field("Tolerance: the largest relative error you accept in each number", range), big, facts),
         verdict,
         chart.node,
-        tableHere, curl);
+        tableHere,
+        explain("Each tier computes the same formula with more care: draft in float with estimated quotients and roots, fast in float, exact32 in double, right to a float, precise in compensated double. Each has a bound on its error that tests enforce; the service takes the first whose bound is within your tolerance.",
+            "What you save at a loose tolerance: arithmetic (try Beckmann, whose exponentials cost most), half the bytes (float32 instead of float64), and digits of JSON. A picture needs 1e-3; a reference value 1e-12.",
+            "Blue is what is promised for every input, the ring what really happened for this material over 2048 directions, against precise. Nanoseconds are this daemon's own measurement for the distribution, without its Fresnel term."),
+        curl);
 
     // "dtype" is of what is sent and of what comes back.
     const asked = (members, signal) => askArrays("v1/eval", {...request(), ...members}, {wi: members.dtype === "float64" ? Float64Array.from(WI) : WI}, signal);

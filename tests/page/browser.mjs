@@ -15,8 +15,8 @@ export class Daemon {
         this.port = 0;
     }
     // On the port it had before, if it had one.
-    async start() {
-        this.child = spawn(this.program, ["--port", String(this.port), "--log", "none"], {stdio: ["ignore", "pipe", "inherit"]});
+    async start(...flags) {
+        this.child = spawn(this.program, ["--port", String(this.port), "--log", "none", ...flags], {stdio: ["ignore", "pipe", "inherit"]});
         const line = await new Promise((resolve, reject) => {
             this.child.stdout.once("data", (data) => resolve(String(data)));
             this.child.once("exit", (code) => reject(new Error(`facetd ended with ${code}`)));
@@ -54,7 +54,7 @@ export async function open(browser, options = {}) {
     page.errors = [];
     page.on("console", (message) => message.type() === "error" && !page.away && page.errors.push(message.text()));
     page.on("pageerror", (error) => page.errors.push(error.stack));
-    page.setDefaultTimeout(15000);
+    page.setDefaultTimeout(30000);
     return page;
 }
 
