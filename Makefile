@@ -79,6 +79,16 @@ endif
 TESTS   := $(TESTS_ISA) $(TESTS_ONCE) $(TESTS_SERVER)
 
 all: $(B)/facetd
+
+# ---- the page: the files of page/, embedded by the assembler as they are and gzipped -------------
+PAGE := $(sort $(wildcard page/*.html page/*.css page/*.js page/*.svg))
+$(B)/page/files.c: page/embed.sh page $(PAGE)
+	@mkdir -p $(@D)
+	@page/embed.sh $(@D) $(PAGE) >$@.new && mv $@.new $@
+$(B)/page/files.o: $(B)/page/files.c server/page.h Makefile
+	$(CC) $(BASE) $(CFLAGS) $(VFLAGS) -iquote server $(INC_server) -c -o $@ $<
+SERVER_O += $(B)/page/files.o
+
 $(B)/facetd: $(SERVER_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
 $(B)/tests/server/facetd-fake: $(SERVER_O) $(B)/tests/server/fake_api.o
@@ -243,6 +253,12 @@ test-extras: ## install what `make test` does without, and run the tests that sk
 	@$(MAKE) --no-print-directory deps WHEN='build run test test-extras'
 	@tests/run.sh build extras
 
+test-page: ## the page in a real browser against a live daemon: screenshots in build/page/
+	@$(MAKE) --no-print-directory deps WHEN='build run test-page'
+	@$(MAKE) -s --no-print-directory all
+	@tests/extras.sh
+	@tests/page.sh $(B)/facetd
+
 demo: all ## send real data to every endpoint of a daemon of its own
 	@tests/demo.sh $(B)/facetd
 
@@ -326,6 +342,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench bench-samplers chi2 soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http
+.PHONY: all bench bench-samplers chi2 soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http test-page
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

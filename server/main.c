@@ -11,6 +11,7 @@
 #include "loop.h"
 #include "metrics.h"
 #include "options.h"
+#include "page.h"
 #include "pool.h"
 #include "sandbox.h"
 #include "systemd.h"
@@ -181,6 +182,7 @@ int main(int argc, char **argv)
     }
     systemd_open();
     metrics_open();
+    page_open(!options.no_page);
     int result = serve(&parts);
     metrics_close();
     systemd_close();

@@ -12,16 +12,20 @@ struct row {
     size_t offset;
     const char *text; /* default of a text; NULL for a number */
     long number, min, max;
+    bool is_flag; /* a number, 1 where the flag stands without a value */
 };
 
 static const struct row rows[] = {
 #define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)                          \
-    {flag, environment, help, offsetof(struct options, field), NULL, fallback, min, max},
+    {flag, environment, help, offsetof(struct options, field), NULL, fallback, min, max, false},
 #define OPTION_TEXT(field, flag, environment, fallback, help)                                      \
-    {flag, environment, help, offsetof(struct options, field), fallback, 0, 0, 0},
+    {flag, environment, help, offsetof(struct options, field), fallback, 0, 0, 0, false},
+#define OPTION_FLAG(field, flag, environment, help)                                                \
+    {flag, environment, help, offsetof(struct options, field), NULL, 0, 0, 1, true},
 #include "options.def"
 #undef OPTION_NUMBER
 #undef OPTION_TEXT
+#undef OPTION_FLAG
 };
 
 enum { ROW_COUNT = sizeof rows / sizeof *rows };
@@ -82,6 +86,8 @@ static void print_help(void)
         printf("  --%-16s %s\n%21s", row->flag, row->help, "");
         if (row->text)
             printf("default \"%s\", or $%s\n", row->text, row->environment);
+        else if (row->is_flag)
+            printf("takes no value; or $%s=1\n", row->environment);
         else
             printf("%ld to %ld, default %ld, or $%s\n", row->min, row->max, row->number,
                    row->environment);
@@ -147,7 +153,7 @@ enum options_action options_read(int argc, char **argv, struct options *options)
             fprintf(stderr, "facetd: unknown option \"%s\"; see facetd --help\n", word);
             return OPTIONS_BAD;
         }
-        value = value ? value + 1 : argv[++i]; /* argv ends with NULL */
+        value = value ? value + 1 : row->is_flag ? "1" : argv[++i]; /* argv ends with NULL */
         if (!value) {
             fprintf(stderr, "facetd: %s needs a value\n", word);
             return OPTIONS_BAD;

@@ -5,9 +5,11 @@
 struct options {
 #define OPTION_NUMBER(field, flag, environment, fallback, min, max, help) long field;
 #define OPTION_TEXT(field, flag, environment, fallback, help) const char *field;
+#define OPTION_FLAG(field, flag, environment, help) long field;
 #include "options.def"
 #undef OPTION_NUMBER
 #undef OPTION_TEXT
+#undef OPTION_FLAG
 };
 
 enum options_action {

@@ -2,6 +2,7 @@
 
 #include "clock.h"
 #include "log.h"
+#include "page.h"
 
 #include <microhttpd.h>
 #include <stdio.h>
@@ -157,7 +158,8 @@ static bool lists_tag(const char *list, const char *tag)
 void request_tag(struct request *request, const char *wanted)
 {
     struct api_response *response = &request->response;
-    if (response->status != 200 || response->stream || strncmp(request->path, "/v1/", 4)) return;
+    bool is_document = !strncmp(request->path, "/v1/", 4) || page_find(request->path);
+    if (response->status != 200 || response->stream || !is_document) return;
     if (strcmp(request->method, "GET") && strcmp(request->method, "HEAD")) return;
     snprintf(request->etag, sizeof request->etag, "\"%016llx\"",
              (unsigned long long)hash_bytes(response->body, response->body_size));

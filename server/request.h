@@ -91,7 +91,7 @@ void request_refuse(struct request *request, int status, const char *detail);
 
 /*
  * Gives the answer to a GET an entity tag made of its bytes, and turns it into 304 if the client has
- * it already: `wanted` is If-None-Match.  For /v1 alone; what POSTs answer costs more to keep than
+ * it already: `wanted` is If-None-Match.  For /v1 and the page alone; what POSTs answer costs more to keep than
  * to compute, and probes are never the same.
  */
 void request_tag(struct request *request, const char *wanted);

@@ -1,6 +1,7 @@
 #include "site.h"
 
 #include "metrics.h"
+#include "page.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,12 +31,14 @@ struct api_route site_lookup(enum site site, const char *method, const char *pat
     const char *own = own_path(path);
     if (own) return (struct api_route){.found = reads(method), .path = own};
     if (site == SITE_ADMIN && strcmp(path, HEALTHZ)) return (struct api_route){0};
+    const struct page_file *file = page_find(path);
+    if (file) return (struct api_route){.found = reads(method), .path = file->path};
     return api_lookup(method, path, content_type);
 }
 
 bool site_is_open(enum site site, const char *path)
 {
-    return site == SITE_ADMIN || !strcmp(path, HEALTHZ) || !strcmp(path, READYZ);
+    return site == SITE_ADMIN || !strcmp(path, HEALTHZ) || !strcmp(path, READYZ) || page_find(path);
 }
 
 static void put_header(struct api_response *response, const char *name, const char *value)
@@ -81,6 +84,7 @@ static void handle_metrics(struct api_response *response)
 void site_handle(enum site site, const struct api_request *request, struct api_response *response)
 {
     const char *own = own_path(request->path);
+    const struct page_file *file;
     if (own && !reads(request->method)) {
         api_refuse(405, "this allows GET and HEAD", response);
         put_header(response, "Allow", "GET, HEAD");
@@ -92,6 +96,8 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
             handle_metrics(response);
     } else if (site == SITE_ADMIN && strcmp(request->path, HEALTHZ)) {
         api_refuse(404, "the admin listener serves /healthz, /readyz and /metrics", response);
+    } else if ((file = page_find(request->path))) {
+        page_answer(file, request, response);
     } else {
         api_handle(request, response);
     }

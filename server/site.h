@@ -1,6 +1,6 @@
 /*
- * site.h - what a listener serves: the API and the daemon's own /readyz and /metrics, or, for the
- * admin listener, nothing but the probes.
+ * site.h - what a listener serves: the API, the page and the daemon's own /readyz and /metrics, or,
+ * for the admin listener, nothing but the probes.
  */
 #ifndef SITE_H
 #define SITE_H
@@ -14,7 +14,10 @@ struct api_route site_lookup(enum site site, const char *method, const char *pat
 
 void site_handle(enum site site, const struct api_request *request, struct api_response *response);
 
-/* Whether a load balancer may ask for it without the token. */
+/*
+ * Whether it may be asked for without the token: the probes, for load balancers, and the page, which
+ * holds no secret and asks its user for the token.
+ */
 bool site_is_open(enum site site, const char *path);
 
 #endif

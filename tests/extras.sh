@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What tests use and no Debian package brings: linters of OpenAPI (npm), numpy and requests (PyPI), below
+# What tests use and no Debian package brings: linters of OpenAPI, a browser's driver and axe (npm), numpy and requests (PyPI), below
 # build/extras.  tests/extras.sh installs, or gives up soon without a network; lint runs the linters, contract FACETD [EXAMPLES] schemathesis.
 set -u
 cd "$(dirname "$0")/.."
@@ -15,6 +15,11 @@ install() {
             timeout 120 npm install --fetch-retries 0 --prefix $npm --no-audit --no-fund --silent @redocly/cli@2 @stoplight/spectral-cli@6 >$npm/log 2>&1 ||
                 { tail -n 3 $npm/log; echo "extras: npm install failed"; }
         fi
+    fi
+    if command -v chromium >/dev/null && command -v npm >/dev/null && [ ! -d $npm/node_modules/axe-core ]; then
+        mkdir -p $npm
+        timeout 120 npm install --fetch-retries 0 --prefix $npm --no-audit --no-fund --silent playwright-core@1 axe-core@4 >$npm/log 2>&1 ||
+            { tail -n 3 $npm/log; echo "extras: npm install of the page's test failed"; }
     fi
     if ! $python/bin/python -c 'import numpy, requests' 2>/dev/null; then
         python3 -m venv $python 2>/dev/null && timeout 120 $python/bin/pip install -q --retries 0 numpy requests ||

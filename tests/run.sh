@@ -132,6 +132,7 @@ step fuzz         make -s -j"$jobs" VARIANT=asan fuzz-short
 step examples     tests/examples.sh build/release/facetd
 step lint         tests/extras.sh lint
 step tools        tests/export_tools.sh build/release/facetd
+step page         tests/page.sh build/release/facetd
 step texts        tests/texts.sh
 
 [[ " ${wanted[*]-} " != *" extras "* ]] || step extras extras

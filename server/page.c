@@ -1,0 +1,85 @@
+#include "page.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+static bool serves_page = true;
+
+void page_open(bool serves)
+{
+    serves_page = serves;
+}
+
+const struct page_file *page_find(const char *path)
+{
+    for (const struct page_file *file = page_files; serves_page && file->path; file++)
+        if (!strcmp(file->path, path)) return file;
+    return NULL;
+}
+
+/*
+ * Nothing but what this daemon serves, no inline code or style; blob: are the pictures it computes
+ * (previews of maps, the lobes of a fit).
+ */
+static const char policy[] =
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
+    "require-trusted-types-for 'script'";
+
+static void put_header(struct api_response *response, const char *name, const char *value)
+{
+    if (response->header_count == API_HEADERS_MAX) return;
+    struct api_header *header = &response->headers[response->header_count++];
+    header->name = name;
+    snprintf(header->value, sizeof header->value, "%s", value);
+}
+
+/* The weight of one coding in a list: "gzip;q=0" refuses, "*" means every one that is not named. */
+static bool is_zero_weight(const char *parameters, size_t size)
+{
+    const char *q = memchr(parameters, '=', size);
+    return q && strtod(q + 1, NULL) <= 0;
+}
+
+/* RFC 9110 section 12.5.3. */
+static bool takes_gzip(const char *accepted)
+{
+    bool any = false;
+    while (accepted && *accepted) {
+        accepted += strspn(accepted, " \t,");
+        size_t size = strcspn(accepted, ","), name = strcspn(accepted, " \t,;");
+        bool refused = is_zero_weight(accepted + name, size - name);
+        if (name == 4 && !strncasecmp(accepted, "gzip", 4)) return !refused;
+        if (name == 1 && *accepted == '*') any = !refused;
+        accepted += size;
+    }
+    return any;
+}
+
+void page_answer(const struct page_file *file, const struct api_request *request,
+                 struct api_response *response)
+{
+    if (strcmp(request->method, "GET")) { /* HEAD comes as GET */
+        api_refuse(405, "this allows GET and HEAD", response);
+        put_header(response, "Allow", "GET, HEAD");
+        return;
+    }
+    const bool packed = takes_gzip(request->accept_encoding);
+    const struct page_bytes bytes = packed ? file->gzip : file->plain;
+    const size_t size = (size_t)(bytes.end - bytes.begin);
+    char *body = malloc(size ? size : 1);
+    if (!body) {
+        api_refuse(503, "out of memory", response);
+        return;
+    }
+    memcpy(body, bytes.begin, size);
+    *response = (struct api_response){
+        .status = 200, .content_type = file->type, .body = body, .body_size = size};
+    if (packed) put_header(response, "Content-Encoding", "gzip");
+    put_header(response, "Vary", "Accept-Encoding");
+    put_header(response, "Content-Security-Policy", policy);
+    put_header(response, "X-Content-Type-Options", "nosniff");
+    put_header(response, "Referrer-Policy", "no-referrer");
+}
