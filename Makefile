@@ -12,6 +12,8 @@ endif
 CFLAGS  ?= -g
 WARN    := -Wall -Wextra -Werror -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wpointer-arith -Wwrite-strings
 BASE    := -std=c11 -D_POSIX_C_SOURCE=200809L -fvisibility=hidden $(WARN)
+# Sanitizers look at /proc, start threads, keep memory: code that cannot have them asks for this.
+BASE    += -DSANITIZED=$(if $(filter asan tsan fuzz,$(VARIANT)),1,0)
 VERSION_FLAG := -DFACET_VERSION='"$(VERSION)"'
 release := -O2 -DNDEBUG
 clang   := -O2 -DNDEBUG
@@ -60,7 +62,8 @@ INC_lib    := -iquote lib -ffp-contract=off
 INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
 INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
-LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -lz -ldeflate -lpthread -lm
+LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -ldeflate -lpthread -lm
+LDLIBS_test_router := -lz
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
@@ -132,14 +135,13 @@ $(FUZZ): %: %.o $(B)/libapi.a $(B)/libfacet.a $(filter %.o,$(FUZZ_MAIN))
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $*.o $(FUZZ_MAIN) $(B)/libapi.a $(B)/libfacet.a $(LDLIBS)
 fuzz-short: $(FUZZ)
 	@for f in $(FUZZ); do $$f tests/fuzz/corpus/$${f##*/fuzz_} $(FUZZ_MUTATIONS) || echo "FAIL $$f"; done
-fuzz-long: $(FUZZ)
-	@for f in $(FUZZ); do n=$${f##*/fuzz_}; mkdir -p build/corpus/$$n; \
-	    $$f -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=4096 -print_final_stats=1 -artifact_prefix=build/corpus/$$n- \
-	    build/corpus/$$n tests/fuzz/corpus/$$n 2>build/corpus/$$n.log && \
-	    echo "ok fuzz/$$n $$(sed -n 's/^stat::number_of_executed_units: */executions=/p' build/corpus/$$n.log)" || \
-	    { tail -n 30 build/corpus/$$n.log; echo "FAIL fuzz/$$n"; }; done
-fuzz: ## libFuzzer on the codec, the request path and forms, FUZZ_SECONDS (60) each
-	@$(MAKE) -s --no-print-directory VARIANT=fuzz fuzz-long
+FUZZ_RUNS := number:100000000 request:10000000 multipart:10000000 map:1000000 bsdf:1000000 csv:1000000 merl:1000000 samples:1000000 utia:1000000
+fuzz-all: $(FUZZ)
+	@tests/fuzz/runs.sh $(SECONDS_EACH) $(FUZZ_RUNS)
+fuzz: ## libFuzzer on the codec, the request path, forms and readers, FUZZ_SECONDS (60) each
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz SECONDS_EACH=$(FUZZ_SECONDS) fuzz-all
+fuzz-runs: ## the same until the codec has had 1e8 inputs, requests and forms 1e7, each reader 1e6 (hours; goes on where it was stopped)
+	@$(MAKE) -s --no-print-directory VARIANT=fuzz SECONDS_EACH=0 fuzz-all
 
 # The readers of maps over seeds made of the damaged files of the shared data.
 RUNS ?= 1000000
@@ -154,7 +156,7 @@ fuzz-measurements: ## libFuzzer on every reader of measurements, RUNS inputs eac
 	@tests/fuzz/measurements.sh build/fuzz $(RUNS)
 
 # ---- the black-box client: shares no code with the product -------------------------
-CLIENTS  := client abuse readme torture load
+CLIENTS  := client abuse readme torture load latency
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
 $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
@@ -237,13 +239,16 @@ extras: ## install below build/extras what tests use of npm and PyPI (make test 
 	@tests/extras.sh
 
 torture: all clients ## fail every allocation and system call of every case's request, of start and end (3 minutes)
-	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes
+	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes --jobs 4
 
 bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections
 	@$(MAKE) --no-print-directory deps WHEN='bench-http test-extras'
 	@$(MAKE) -s --no-print-directory clients
 	@tests/bench_http.sh $(B)/facetd
 	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 5 --connections 16,64,128,256,512 --idle 8000
+
+bench-latency: all clients ## how soon /healthz is answered while all workers are busy, and by the admin listener among 1000 tricklers
+	$(B)/tests/client/facet_latency --daemon $(B)/facetd
 
 SOAK_SECONDS ?= 1800
 soak-http: all clients ## SOAK_SECONDS (1800) of mixed load, half of it wrong or given up: every answer right, memory steady
@@ -342,6 +347,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench bench-samplers chi2 soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http test-page
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers chi2 test-page
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

@@ -10,6 +10,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 struct api_request {
     const char *method;       /* "GET", "POST", ... */
@@ -76,6 +77,18 @@ void api_close(void);
  * there is.  False: no such set, or this processor does not run it.
  */
 bool api_select_isa(const char *name);
+
+struct api_limit {
+    const char *name;
+    int64_t value;
+    const char *doc;
+};
+
+/*
+ * Before the first request: what the caller refuses beyond, for /v1/capabilities to tell with the
+ * API's own.  The array must live as long as requests are handled.
+ */
+void api_announce_limits(const struct api_limit *limits, size_t count);
 
 struct api_route api_lookup(const char *method, const char *path, const char *content_type);
 

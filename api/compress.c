@@ -3,24 +3,20 @@
 #include "endpoint.h"
 #include "media.h"
 
+#include <libdeflate.h>
 #include <stdlib.h>
 #include <string.h>
-#include <zlib.h>
 
-enum { SIZE_MIN = 1024, SIZE_MAX_GZIP = 1 << 20, LEVEL = 1, GZIP_WINDOW = 15 + 16, MEMORY = 8 };
+enum { SIZE_MIN = 1024, SIZE_MAX_GZIP = 1 << 20, LEVEL = 1 };
 
 /* The gzip of bytes, malloc'd; NULL: no memory, or no shorter. */
 static void *gzip(const void *bytes, size_t size, size_t *out_size)
 {
-    z_stream z = {.next_in = (Bytef *)bytes, .avail_in = (uInt)size, .avail_out = (uInt)size};
-    void *out = malloc(size);
-    if (out && deflateInit2(&z, LEVEL, Z_DEFLATED, GZIP_WINDOW, MEMORY, Z_DEFAULT_STRATEGY) == Z_OK) {
-        z.next_out = out;
-        int status = deflate(&z, Z_FINISH);
-        *out_size = z.total_out;
-        deflateEnd(&z);
-        if (status == Z_STREAM_END) return out;
-    }
+    struct libdeflate_compressor *compressor = libdeflate_alloc_compressor(LEVEL);
+    void *out = compressor ? malloc(size) : NULL;
+    *out_size = out ? libdeflate_gzip_compress(compressor, bytes, size, out, size) : 0;
+    if (compressor) libdeflate_free_compressor(compressor);
+    if (*out_size) return out;
     free(out);
     return NULL;
 }

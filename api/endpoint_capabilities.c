@@ -85,9 +85,9 @@ static const struct field tier_fields[] = {
 };
 
 static const struct field limit_fields[] = {
-    {F(limit, name), FIELD_TEXT, FIELD_MUST, .doc = "which"},
-    {F(limit, value), FIELD_INTEGER, FIELD_MUST, .doc = "how much"},
-    {F(limit, doc), FIELD_TEXT, FIELD_MUST, .doc = "of what"},
+    {F(api_limit, name), FIELD_TEXT, FIELD_MUST, .doc = "which"},
+    {F(api_limit, value), FIELD_INTEGER, FIELD_MUST, .doc = "how much"},
+    {F(api_limit, doc), FIELD_TEXT, FIELD_MUST, .doc = "of what"},
     {0},
 };
 
@@ -104,7 +104,7 @@ static const struct field response_fields[] = {
      .doc = "\"tolerance\" if none is given"},
     {F(capabilities, isa), FIELD_TEXT, FIELD_MUST, .doc = "instruction set in use"},
     {F(capabilities, limits), FIELD_LIST, FIELD_MUST, .fields = limit_fields,
-     .size = sizeof(struct limit), .doc = "every limit"},
+     .size = sizeof(struct api_limit), .doc = "every limit"},
     {0},
 };
 
@@ -184,6 +184,14 @@ static bool list_tiers(struct call *call, struct list *out)
     return true;
 }
 
+static bool list_limits(struct call *call, struct list *out)
+{
+    struct api_limit *limits = api_arena_array(call->arena, LIMITS_MAX, sizeof *limits);
+    if (!limits) return api_problem_memory(call->problem);
+    *out = (struct list){api_limits(limits), limits};
+    return true;
+}
+
 static bool handle(struct call *call)
 {
     struct capabilities *out = call->out;
@@ -191,8 +199,7 @@ static bool handle(struct call *call)
     out->metals = all_of(api_metal_names);
     out->tolerance_default = TOLERANCE_DEFAULT;
     out->isa = facet_isa();
-    out->limits = (struct list){(size_t)api_limit_count, api_limits};
-    return list_models(call, &out->models) && list_tiers(call, &out->tiers);
+    return list_limits(call, &out->limits) && list_models(call, &out->models) && list_tiers(call, &out->tiers);
 }
 
 const struct endpoint api_endpoint_capabilities = {

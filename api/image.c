@@ -17,17 +17,6 @@ enum { RELEASED_AT_ONCE = 1 << 18 }; /* bytes */
  * request for the next one, beside what that one holds already.  An instrumented
  * build wants to see them as blocks.
  */
-#if defined(__SANITIZE_ADDRESS__)
-#define OWN_PAGES 0
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define OWN_PAGES 0
-#endif
-#endif
-#ifndef OWN_PAGES
-#define OWN_PAGES 1
-#endif
-
 enum { OWN_PAGES_MIN = 1 << 20 };
 
 static size_t size_of(const struct image *image)
@@ -37,7 +26,7 @@ static size_t size_of(const struct image *image)
 
 static bool has_own_pages(const struct image *image)
 {
-    return OWN_PAGES && size_of(image) >= OWN_PAGES_MIN;
+    return !SANITIZED && size_of(image) >= OWN_PAGES_MIN;
 }
 
 static float *allocate(const struct image *image)

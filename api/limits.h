@@ -2,7 +2,7 @@
 #ifndef API_LIMITS_H
 #define API_LIMITS_H
 
-#include <stdint.h>
+#include "api.h"
 
 enum {
 #define LIMIT(id, name, value, doc) LIMIT_##id = (value),
@@ -10,13 +10,9 @@ enum {
 #undef LIMIT
 };
 
-struct limit {
-    const char *name;
-    int64_t value;
-    const char *doc;
-};
+enum { LIMITS_MAX = 64 };
 
-extern const struct limit api_limits[];
-extern const int api_limit_count;
+/* The API's and its caller's; how many. */
+size_t api_limits(struct api_limit limits[LIMITS_MAX]);
 
 #endif

@@ -3,9 +3,9 @@
 #include "npy.h"
 #include "representation.h"
 
+#include <libdeflate.h>
 #include <stdint.h>
 #include <string.h>
-#include <zlib.h>
 
 /* Sizes of the records without names, and where in them the sum and the size stand. */
 enum { LOCAL = 30, CENTRAL = 46, END = 22, LOCAL_SUM = 14, CENTRAL_SUM = 16, CENTRAL_SIZE = 20 };
@@ -90,7 +90,7 @@ void api_npz_sum(unsigned char *bytes, size_t size)
     for (uint32_t i = get(end + 10, 2); i; i--) {
         uint32_t name = get(entry + CENTRAL_NAME_SIZE, 2);
         unsigned char *local = bytes + get(entry + CENTRAL_OFFSET, 4);
-        uint32_t sum = (uint32_t)crc32_z(0, local + LOCAL + name, get(entry + CENTRAL_SIZE, 4));
+        uint32_t sum = libdeflate_crc32(0, local + LOCAL + name, get(entry + CENTRAL_SIZE, 4));
         put(local + LOCAL_SUM, sum, 4);
         put(entry + CENTRAL_SUM, sum, 4);
         entry += CENTRAL + name;

@@ -4,6 +4,7 @@
 #include "clock.h"
 #include "http.h"
 #include "log.h"
+#include "urgent.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -56,6 +57,7 @@ static void *run(void *user)
 {
     struct admin *admin = user;
     int64_t tick_us = 0;
+    urgent_thread();
     while (turn(admin, &tick_us)) continue;
     accept_end(&admin->acceptor);
     return NULL;

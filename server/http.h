@@ -54,7 +54,7 @@ void http_reap(struct http *http);
 
 /* Closes the idle connections; running requests go on, and their connections end with them. */
 void http_quiesce(struct http *http);
-/* Tells all long requests to stop; their connections are closed without an answer. */
+/* Tells all long requests to stop and closes every connection, answered or not. */
 void http_cancel(struct http *http);
 
 size_t http_connections(const struct http *http);

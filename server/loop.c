@@ -3,6 +3,7 @@
 #include "accept.h"
 #include "clock.h"
 #include "log.h"
+#include "memory.h"
 #include "systemd.h"
 
 #include <errno.h>
@@ -80,7 +81,7 @@ static int timeout_ms(const struct loop *loop)
 {
     int ms = http_timeout_ms(loop->http);
     const bool tick = http_connections(loop->http) || loop->lingering || loop->draining ||
-                      loop->acceptor.paused;
+                      loop->acceptor.paused || memory_is_kept();
     return tick && (ms < 0 || ms > TICK_MS) ? TICK_MS : ms;
 }
 
@@ -91,6 +92,7 @@ static void tick(struct loop *loop)
     loop->reap_us = now + TICK_MS * 1000;
     http_reap(loop->http);
     loop->lingering = accept_tick(&loop->acceptor) > 0;
+    memory_tick(pool_pending(loop->pool) > 0);
 }
 
 static void turn(struct loop *loop)

@@ -16,7 +16,8 @@ struct loop *loop_create(struct http *http, struct pool *pool, struct listeners 
 
 /*
  * Runs until a signal, then drains.  True: all that ran was finished; false: some was cut when the
- * time to drain was over.  A second signal ends the process at once.
+ * time to drain was over.  A second signal ends the process at once, and so does work that does not
+ * stop when it is told to.
  */
 bool loop_run(struct loop *loop);
 

@@ -9,6 +9,7 @@
 #include "listen.h"
 #include "log.h"
 #include "loop.h"
+#include "memory.h"
 #include "metrics.h"
 #include "options.h"
 #include "page.h"
@@ -16,6 +17,7 @@
 #include "sandbox.h"
 #include "systemd.h"
 #include "token.h"
+#include "urgent.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -136,10 +138,11 @@ static bool begin(struct parts *parts)
 /* The exit code. */
 static int serve(struct parts *parts)
 {
-    bool well = begin(parts);
+    const bool well = begin(parts);
     if (well) {
-        well = loop_run(parts->loop);
-        log_line("event=stop clean=%s", well ? "yes" : "no");
+        urgent_thread();
+        /* To cut what outlasts --drain is to do as told, and no failure. */
+        log_line("event=stop clean=%s", loop_run(parts->loop) ? "yes" : "no");
         log_flush();
     }
     admin_stop(parts->admin);
@@ -155,6 +158,7 @@ int main(int argc, char **argv)
 {
     struct options options;
     char token[TOKEN_SIZE];
+    struct api_limit limits[OPTIONS_LIMITS];
     struct parts parts = {.options = &options};
     switch (options_read(argc, argv, &options)) {
     case OPTIONS_BAD:
@@ -170,6 +174,7 @@ int main(int argc, char **argv)
         fprintf(stderr, "facetd: --isa: this processor does not run \"%s\"; base, avx2, avx512 or nothing\n", options.isa);
         return EXIT_USAGE;
     }
+    memory_open();
     choose_workers(&options);
     log_open(options.log);
     if (!token_read(options.token, token, &parts.token) || !reserve_descriptors(&options)) return 1;
@@ -180,6 +185,8 @@ int main(int argc, char **argv)
         close(parts.signal_fd);
         return 1;
     }
+    options_limits(&options, limits);
+    api_announce_limits(limits, OPTIONS_LIMITS);
     systemd_open();
     metrics_open();
     page_open(!options.no_page);

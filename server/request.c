@@ -155,6 +155,16 @@ static bool lists_tag(const char *list, const char *tag)
     return false;
 }
 
+/* There is none: Content-Encoding would describe the stored answer, which has its own. */
+static void drop_headers_of_content(struct api_response *response)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < response->header_count; i++)
+        if (strncasecmp(response->headers[i].name, "Content-", 8))
+            response->headers[kept++] = response->headers[i];
+    response->header_count = kept;
+}
+
 void request_tag(struct request *request, const char *wanted)
 {
     struct api_response *response = &request->response;
@@ -169,14 +179,18 @@ void request_tag(struct request *request, const char *wanted)
     response->body_size = 0;
     response->content_type = NULL;
     response->status = 304;
+    drop_headers_of_content(response);
 }
 
-/* Doubles, starting from the announced size when it is modest: an announcement costs nothing. */
+/*
+ * The announced size when it is modest, else in a few steps towards it, since each may copy what came:
+ * an announcement costs nothing, and of the budget no more than four times what was sent.
+ */
 static size_t next_capacity(const struct request *request, size_t needed)
 {
-    enum { FIRST_MAX = 65536 };
+    enum { FIRST_MAX = 65536, GROWTH = 4 };
     size_t limit = request->body_expected ? request->body_expected : request->route.body_max;
-    size_t capacity = request->body_capacity ? 2 * request->body_capacity : FIRST_MAX;
+    size_t capacity = request->body_capacity ? GROWTH * request->body_capacity : FIRST_MAX;
     if (capacity > limit) capacity = limit;
     return capacity < needed ? needed : capacity;
 }

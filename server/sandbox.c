@@ -19,19 +19,6 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-/* Sanitizers look at /proc, start threads and trace at the end: they and a sandbox exclude each
- * other. */
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define SANITIZED true
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SANITIZED true
-#endif
-#endif
-#ifndef SANITIZED
-#define SANITIZED false
-#endif
-
 static bool is(const char *mode, const char *word)
 {
     return !strcmp(mode, word);
@@ -57,6 +44,7 @@ static bool applies(const char *mode, const char *part, bool *result)
     *result = true;
     if (is(mode, "off")) log_line("event=sandbox part=%s state=off reason=\"option\"", part);
     if (is(mode, "off")) return false;
+    /* A sanitizer's looks at /proc, its threads and its traces at the end exclude a sandbox. */
     if (SANITIZED) *result = missing(mode, part, EOPNOTSUPP);
     return !SANITIZED;
 }

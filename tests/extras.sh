@@ -22,7 +22,7 @@ install() {
             { tail -n 3 $npm/log; echo "extras: npm install of the page's test failed"; }
     fi
     if ! $python/bin/python -c 'import numpy, requests' 2>/dev/null; then
-        python3 -m venv $python 2>/dev/null && timeout 120 $python/bin/pip install -q --retries 0 numpy requests ||
+        python3 -m venv $python 2>/dev/null && timeout 120 $python/bin/python -m pip install -q --retries 0 numpy requests ||
             echo "extras: no Python packages"
     fi
     return 0
@@ -37,7 +37,7 @@ lint() { # lint NAME COMMAND...
 # fits the schema may be refused: that check is left out.
 contract() { # contract FACETD EXAMPLES
     local st=$python/bin/st log=build/extras/schemathesis.log url
-    [ -x $st ] || $python/bin/pip install -q schemathesis
+    [ -x $st ] || $python/bin/python -m pip install -q schemathesis
     [ -x $st ] || { echo "skip schemathesis: it cannot be installed"; return 0; }
     "$1" --port 0 >build/extras/out 2>build/extras/daemon.log &
     daemon=$!

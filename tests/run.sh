@@ -92,7 +92,7 @@ daemons() {
 torture() {
     build/release/tests/client/facet_torture --daemon build/release/facetd \
         --fault build/release/tests/torture/libfault.so --cases tests/client/cases \
-        --flags --sandbox=off
+        --jobs 5 --flags --sandbox=off
 }
 
 # Many clients at once, each getting its own answer; `make soak-http` takes half an hour.

@@ -21,15 +21,15 @@ static double now(void)
 }
 
 /* Its output goes to a file, so that a talkative daemon never blocks on a full pipe. */
-static bool find_url(const char *path, char *url, size_t size)
+static bool find_url(const char *path, const char *what, char *url, size_t size)
 {
     char line[1024];
     bool found = false;
+    const size_t length = strlen(what);
     FILE *f = fopen(path, "r");
     while (f && !found && fgets(line, sizeof line, f)) {
-        const char *at = strstr(line, "listening on http://");
-        if (!at || !strchr(line, '\n')) continue;
-        at += strlen("listening on ");
+        const char *at = line + length;
+        if (strncmp(line, what, length) || strncmp(at, "http://", 7) || !strchr(line, '\n')) continue;
         size_t n = strlen("http://") + strcspn(at + strlen("http://"), " \r\n/");
         if (n >= size) n = size - 1;
         memcpy(url, at, n);
@@ -42,7 +42,7 @@ static bool find_url(const char *path, char *url, size_t size)
 
 bool daemon_start(const char *program, struct daemon *daemon)
 {
-    char path[] = "/tmp/facetd-test-XXXXXX";
+    char path[] = "/tmp/facetd-test-XXXXXX", admin[sizeof daemon->url];
     int out = mkstemp(path);
     memset(daemon, 0, sizeof *daemon);
     if (out < 0) return false;
@@ -61,10 +61,12 @@ bool daemon_start(const char *program, struct daemon *daemon)
     close(out);
     bool ready = false;
     for (double end = now() + START_SECONDS; daemon->pid > 0 && !ready && now() < end;) {
-        ready = find_url(path, daemon->url, sizeof daemon->url);
+        ready = find_url(path, "listening on ", daemon->url, sizeof daemon->url);
         if (!ready && waitpid(daemon->pid, NULL, WNOHANG) == daemon->pid) daemon->pid = 0;
         if (!ready) poll(NULL, 0, 20);
     }
+    if (find_url(path, "admin on ", admin, sizeof admin))
+        daemon->admin_port = atoi(strrchr(admin, ':') + 1);
     unlink(path);
     if (!ready) {
         fprintf(stderr, "%s did not say \"listening on\"\n", program);

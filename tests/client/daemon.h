@@ -9,6 +9,7 @@
 struct daemon {
     pid_t pid; /* 0: none */
     char url[128];
+    int admin_port; /* 0: none */
 };
 
 /* Runs PROGRAM --port 0 and waits for its line "listening on URL"; false, with a message, if none

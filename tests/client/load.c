@@ -5,18 +5,16 @@
  *
  * Load: N connections (default 64; several numbers make a ramp) send the quick cases of DIR in random order for S seconds (default
  * 5; make soak-http: 1800), pipelining none; one in 200 requests is given up in the middle. Every answer is
- * compared with the one the daemon gave when it was alone. Then the daemon's memory is compared with
- * what it was after the first fifth. Idle: N connections (default 0) that have had an answer and stay.
+ * compared with the one the daemon gave when it was alone. The daemon's memory in the last fifth is
+ * compared with that in the second (medians of 100 looks). Idle: N connections (default 0) that have had an answer and stay.
  */
 #define _GNU_SOURCE /* strcasestr */
 #include "cases.h"
 #include "daemon.h"
+#include "shot.h"
 
-#include <arpa/inet.h>
-#include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <netinet/in.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -30,12 +28,11 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { SHOTS_MAX = 512, BODY_LARGEST = 100000, ANSWER_LARGEST = 4 << 20, LEAVE_ONE_IN = 200 };
+enum { AIMS_MAX = 512, BODY_LARGEST = 100000, ANSWER_LARGEST = 4 << 20, LEAVE_ONE_IN = 200 };
 
-/* A request as it goes over the wire, and the status and body it must bring. */
-struct shot {
-    char *bytes;
-    size_t size;
+/* A request and the status and body it must bring. */
+struct aim {
+    struct shot shot;
     int status;
     uint64_t hash;
     bool volatile_; /* the body holds times */
@@ -43,7 +40,7 @@ struct shot {
 
 struct seat {
     int fd;
-    const struct shot *shot;
+    const struct aim *aim;
     size_t sent, got, room;
     char *answer;
     double begun;
@@ -53,8 +50,8 @@ struct seat {
 struct load {
     struct daemon daemon;
     int port, epoll;
-    struct shot shots[SHOTS_MAX];
-    size_t shot_count, wrong, right, busy, left, broken;
+    struct aim aims[AIMS_MAX];
+    size_t aim_count, wrong, right, busy, left, broken;
     uint64_t random;
     float *ms;
     size_t ms_count, ms_room;
@@ -72,16 +69,6 @@ static uint64_t next(uint64_t *state)
     uint64_t z = (*state += 0x9e3779b97f4a7c15u);
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
     return z ^ (z >> 31);
-}
-
-static int connect_to(int port)
-{
-    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((unsigned short)port)};
-    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    int fd = socket(AF_INET, SOCK_STREAM, 0);
-    if (fd >= 0 && !connect(fd, (struct sockaddr *)&to, sizeof to)) return fd;
-    if (fd >= 0) close(fd);
-    return -1;
 }
 
 /* The body of an answer; NULL until its head is there. */
@@ -153,7 +140,7 @@ static bool ask(int port, const struct shot *shot, int *status, uint64_t *hash)
     size_t got = 0, whole = 0;
     ssize_t n;
     const struct timeval limit = {.tv_usec = 100000}; /* what takes longer is not for this */
-    int fd = connect_to(port);
+    int fd = shot_connect(port);
     if (fd >= 0) setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
     bool well = answer && fd >= 0 && send(fd, shot->bytes, shot->size, MSG_NOSIGNAL) > 0;
     while (well && (!whole || got < whole)) {
@@ -170,46 +157,27 @@ static bool ask(int port, const struct shot *shot, int *status, uint64_t *hash)
     return well;
 }
 
-static void add_shot(struct load *load, const struct test_case *c)
+static void add_aim(struct load *load, const struct test_case *c)
 {
-    const json_t *request = json_object_get(c->root, "request");
-    const char *path = json_string_value(json_object_get(request, "path")),
-               *method = json_string_value(json_object_get(request, "method")), *key;
-    json_t *value;
-    struct body body;
-    struct shot shot = {0}, again;
-    enum body_result made = path ? body_make(request, &body) : BODY_BAD;
-    if (made == BODY_BAD || made == BODY_ABSENT || load->shot_count == SHOTS_MAX) return;
-    if ((method && !strcmp(method, "HEAD")) || body.size > BODY_LARGEST) return body_clear(&body);
-    FILE *f = open_memstream(&shot.bytes, &shot.size);
-    if (!f) return body_clear(&body);
-    bool has_type = false;
-    fprintf(f, "%s %s HTTP/1.1\r\nHost: x\r\n", method ? method : body.bytes ? "POST" : "GET", path);
-    json_object_foreach(json_object_get(request, "headers"), key, value)
-    {
-        fprintf(f, "%s: %s\r\n", key, json_string_value(value));
-        has_type = has_type || !strcasecmp(key, "Content-Type");
-    }
-    if (body.bytes && !has_type) fprintf(f, "Content-Type: %s\r\n", body.type);
-    fprintf(f, "Content-Length: %zu\r\n\r\n", body.size);
-    if (body.bytes) fwrite(body.bytes, 1, body.size, f);
-    fclose(f);
-    body_clear(&body);
+    struct aim aim = {0}, again;
+    const char *method = json_string_value(json_object_get(json_object_get(c->root, "request"), "method"));
+    if ((method && !strcmp(method, "HEAD")) || load->aim_count == AIMS_MAX) return;
+    if (!shot_make(c, "", BODY_LARGEST, &aim.shot)) return;
     double begin = now_s();
-    bool well = ask(load->port, &shot, &shot.status, &shot.hash) && now_s() - begin < 0.02 &&
-                ask(load->port, &shot, &again.status, &again.hash);
-    shot.volatile_ = well && again.hash != shot.hash;
-    if (well && shot.status < 500)
-        load->shots[load->shot_count++] = shot;
+    bool well = ask(load->port, &aim.shot, &aim.status, &aim.hash) && now_s() - begin < 0.02 &&
+                ask(load->port, &aim.shot, &again.status, &again.hash);
+    aim.volatile_ = well && again.hash != aim.hash;
+    if (well && aim.status < 500)
+        load->aims[load->aim_count++] = aim;
     else
-        free(shot.bytes);
+        shot_clear(&aim.shot);
 }
 
 /* ---- Many ---------------------------------------------------------------------------------------- */
 
 static void begin(struct load *load, struct seat *seat)
 {
-    seat->shot = &load->shots[next(&load->random) % load->shot_count];
+    seat->aim = &load->aims[next(&load->random) % load->aim_count];
     seat->sent = seat->got = 0;
     seat->leaves = next(&load->random) % LEAVE_ONE_IN == 0;
     seat->begun = now_s();
@@ -217,7 +185,7 @@ static void begin(struct load *load, struct seat *seat)
 
 static void sit(struct load *load, struct seat *seat)
 {
-    seat->fd = connect_to(load->port);
+    seat->fd = shot_connect(load->port);
     if (seat->fd < 0) return;
     fcntl(seat->fd, F_SETFL, O_NONBLOCK);
     struct epoll_event event = {.events = EPOLLIN | EPOLLOUT, .data.ptr = seat};
@@ -243,13 +211,13 @@ static void judge(struct load *load, struct seat *seat)
     int status = 0;
     sscanf(seat->answer, "HTTP/1.1 %d", &status);
     bool busy = status == 503; /* an honest no is not a wrong answer */
-    if (status != seat->shot->status ? !busy
-                                     : !seat->shot->volatile_ &&
-                                           hash_body(seat->answer, seat->got) != seat->shot->hash) {
+    if (status != seat->aim->status ? !busy
+                                     : !seat->aim->volatile_ &&
+                                           hash_body(seat->answer, seat->got) != seat->aim->hash) {
         if (load->wrong++ < 5)
-            printf("  status %d, not %d, for %.60s\n%.*s\n", status, seat->shot->status,
-                   seat->shot->bytes, (int)(seat->got < 500 ? seat->got : 500), seat->answer);
-    } else if (busy && seat->shot->status != 503) {
+            printf("  status %d, not %d, for %.60s\n%.*s\n", status, seat->aim->status,
+                   seat->aim->shot.bytes, (int)(seat->got < 500 ? seat->got : 500), seat->answer);
+    } else if (busy && seat->aim->status != 503) {
         load->busy++;
     } else {
         load->right++;
@@ -269,8 +237,8 @@ static void judge(struct load *load, struct seat *seat)
 static void step(struct load *load, struct seat *seat, uint32_t events)
 {
     if (events & EPOLLOUT) {
-        size_t upto = seat->leaves ? seat->shot->size / 2 : seat->shot->size;
-        ssize_t n = send(seat->fd, seat->shot->bytes + seat->sent, upto - seat->sent, MSG_NOSIGNAL);
+        size_t upto = seat->leaves ? seat->aim->shot.size / 2 : seat->aim->shot.size;
+        ssize_t n = send(seat->fd, seat->aim->shot.bytes + seat->sent, upto - seat->sent, MSG_NOSIGNAL);
         if (n > 0) seat->sent += (size_t)n;
         if (seat->sent == upto && seat->leaves) return sit_again(load, seat, &load->left);
         if (seat->sent == upto) watch(load, seat, false);
@@ -307,6 +275,24 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+static double quantile(float *values, size_t count, double q)
+{
+    qsort(values, count, sizeof *values, by_size);
+    return count ? (double)values[(size_t)(q * (double)(count - 1))] : 0;
+}
+
+/* Loads for so many seconds; the median of the daemon's resident kB, looked at SAMPLES times. */
+static double run_and_look(struct load *load, struct seat *seats, size_t count, double seconds)
+{
+    enum { SAMPLES = 100 };
+    float kb[SAMPLES];
+    for (int i = 0; i < SAMPLES; i++) {
+        run(load, seats, count, seconds / SAMPLES);
+        kb[i] = (float)daemon_resident(&load->daemon);
+    }
+    return quantile(kb, SAMPLES, 0.5);
+}
+
 static bool load_and_soak(struct load *load, size_t connections, double seconds)
 {
     struct seat *seats = calloc(connections, sizeof *seats);
@@ -317,19 +303,19 @@ static bool load_and_soak(struct load *load, size_t connections, double seconds)
     if (!seats || !load->ms || load->epoll < 0) return false;
     double begun = now_s();
     run(load, seats, connections, seconds / 5);
-    size_t before = daemon_resident(&load->daemon);
-    run(load, seats, connections, seconds * 4 / 5);
-    size_t after = daemon_resident(&load->daemon), requests = load->right + load->busy + load->wrong;
-    double drift = 100 * ((double)after - (double)before) / (double)before;
-    qsort(load->ms, load->ms_count, sizeof *load->ms, by_size);
+    const double before = run_and_look(load, seats, connections, seconds / 5);
+    run(load, seats, connections, seconds * 2 / 5);
+    const double after = run_and_look(load, seats, connections, seconds / 5),
+                 drift = 100 * (after - before) / before;
+    const size_t requests = load->right + load->busy + load->wrong;
     bool bad = load->wrong || load->broken || !load->right || (seconds >= 600 && drift >= 1);
     printf("%s load: %zu connections, %.0f s, %zu requests of %zu kinds (%.0f a second), %zu wrong, "
-           "%zu busy, %zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %zu kB, then %zu kB "
+           "%zu busy, %zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %.0f kB, then %.0f kB "
            "(%+.2f %%)\n",
-           bad ? "FAIL" : "ok", connections, seconds, requests, load->shot_count,
+           bad ? "FAIL" : "ok", connections, seconds, requests, load->aim_count,
            (double)requests / (now_s() - begun), load->wrong, load->busy, load->broken, load->left,
-           load->ms_count ? (double)load->ms[load->ms_count / 2] : 0,
-           load->ms_count ? (double)load->ms[load->ms_count * 99 / 100] : 0, before, after, drift);
+           quantile(load->ms, load->ms_count, 0.5), quantile(load->ms, load->ms_count, 0.99), before,
+           after, drift);
     for (size_t i = 0; i < connections; i++) {
         if (seats[i].fd > 0) close(seats[i].fd);
         free(seats[i].answer);
@@ -350,7 +336,7 @@ static bool idle(struct load *load, size_t count)
     char answer[1024];
     if (!fds) return false;
     for (size_t i = 0; i < count; i++) {
-        if ((fds[i] = connect_to(load->port)) < 0) break;
+        if ((fds[i] = shot_connect(load->port)) < 0) break;
         if (send(fds[i], get, sizeof get - 1, MSG_NOSIGNAL) < 0) break;
         if (recv(fds[i], answer, sizeof answer, 0) < 12 || memcmp(answer + 9, "200", 3)) break;
         open_count++;
@@ -395,7 +381,7 @@ int main(int argc, char **argv)
     }
     load.port = atoi(strrchr(load.daemon.url, ':') + 1);
     bool well = !idle_count || idle(&load, idle_count);
-    for (size_t i = 0; i < cases.count; i++) add_shot(&load, &cases.list[i]);
+    for (size_t i = 0; i < cases.count; i++) add_aim(&load, &cases.list[i]);
     for (char *at = (char *)ramp; seconds > 0 && *at; at += strspn(at, ",")) {
         size_t connections = strtoul(at, &at, 10);
         if (!connections) break;
@@ -403,7 +389,7 @@ int main(int argc, char **argv)
     }
     int ended = daemon_stop(&load.daemon);
     printf("%s load/ends: exit %d after SIGTERM\n", ended ? "FAIL" : "ok", ended);
-    for (size_t i = 0; i < load.shot_count; i++) free(load.shots[i].bytes);
+    for (size_t i = 0; i < load.aim_count; i++) shot_clear(&load.aims[i].shot);
     cases_clear(&cases);
     return well && !ended ? 0 : 1;
 }

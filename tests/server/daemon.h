@@ -6,18 +6,6 @@
 #include <stddef.h>
 #include <sys/types.h>
 
-/* GCC's names, and clang's. */
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define SANITIZED true
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SANITIZED true
-#endif
-#endif
-#ifndef SANITIZED
-#define SANITIZED false
-#endif
-
 struct daemon {
     pid_t pid;
     int port;

@@ -2,7 +2,7 @@
  * fake_api.c - a stand-in behind the server's door, so that tests decide how long a request takes.
  *
  *   GET  /healthz            at once, on the network thread
- *   GET  /v1/document        a text that never changes
+ *   GET  /v1/document        a text that never changes, said to be encoded and to vary
  *   GET  /forbidden          the names of those things a sandbox forbids that could be done
  *   POST /echo               the body, on the network thread; 1 MiB at most
  *   POST /spin?ms=N          busy for N ms on a worker, ending early when cancelled
@@ -38,6 +38,11 @@ bool api_select_isa(const char *name)
 {
     (void)name;
     return true;
+}
+
+void api_announce_limits(const struct api_limit *limits, size_t count)
+{
+    (void)limits, (void)count;
 }
 
 struct api_route api_lookup(const char *method, const char *path, const char *content_type)
@@ -167,6 +172,9 @@ void api_handle(const struct api_request *request, struct api_response *response
         answer_forbidden(response);
     } else if (!strcmp(request->path, "/v1/document")) {
         answer(response, 200, "a document", 10);
+        response->headers[0] = (struct api_header){"Vary", "Accept-Encoding"};
+        response->headers[1] = (struct api_header){"Content-Encoding", "identity"};
+        response->header_count = 2;
     } else {
         spin(request, parameter(request, "ms="), !strcmp(request->path, "/stubborn"));
         answer(response, 200, "done", 4);

@@ -43,6 +43,59 @@ TEST(idle_it_holds_at_most_20_mb)
 }
 
 /* 20 MB of JSON, and 16 MB of float64: computed while they are sent. */
+/* 8 MB of JSON, a million directions; the status. */
+static int ask_a_million(const struct daemon *daemon)
+{
+    enum { COUNT = 1000000 };
+    static const char head[] = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":[",
+                      one[] = "[0,0,1],", last[] = "[0,0,1]]}";
+    char *body = malloc(sizeof head + COUNT * (sizeof one - 1) + sizeof last), *at = body;
+    if (!body) return 0;
+    at = (char *)memcpy(at, head, sizeof head - 1) + sizeof head - 1;
+    for (int i = 0; i < COUNT - 1; i++) at = (char *)memcpy(at, one, sizeof one - 1) + sizeof one - 1;
+    at = (char *)memcpy(at, last, sizeof last - 1) + sizeof last - 1;
+    CHECK(daemon_ask(daemon, "POST", "/v1/eval", "Content-Type: application/json\r\n", body,
+                     (size_t)(at - body), &answer));
+    free(body);
+    return answer.status;
+}
+
+TEST(what_a_large_request_took_is_given_back)
+{
+    enum { SPARE_KIB = 4096 };
+    struct daemon daemon;
+    if (SANITIZED) {
+        check_skip("a sanitizer keeps memory for itself");
+        return;
+    }
+    if (!daemon_start(&daemon, FACETD, NULL)) return;
+    CHECK(daemon_get(&daemon, "/healthz", &answer));
+    const long before = memory_kib(&daemon, "RssAnon");
+    CHECK_INT(ask_a_million(&daemon), 200);
+    const long peak = memory_kib(&daemon, "VmHWM");
+    const double start = now_ms();
+    while (memory_kib(&daemon, "RssAnon") > before + SPARE_KIB && now_ms() - start < 10000)
+        sleep_ms(100);
+    check_note("kib_before", (double)before);
+    check_note("kib_peak", (double)peak);
+    check_note("kib_after", (double)memory_kib(&daemon, "RssAnon"));
+    CHECK(memory_kib(&daemon, "RssAnon") <= before + SPARE_KIB);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(capabilities_tell_the_limits_of_the_options)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FACETD, FLAGS("--queue", "77", "--max-connections=42"))) return;
+    CHECK(daemon_get(&daemon, "/v1/capabilities", &answer));
+    CHECK_INT(answer.status, 200);
+    CHECK(strstr(answer.body, "{\"name\":\"json_body\",\"value\":67108864,"));
+    CHECK(strstr(answer.body, "{\"name\":\"queue\",\"value\":77,"));
+    CHECK(strstr(answer.body, "{\"name\":\"max_connections\",\"value\":42,"));
+    CHECK(!strstr(answer.body, "\"port\""));
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
 TEST(a_large_answer_takes_little_memory)
 {
     enum { LIMIT_KIB = 20 * 1024 };

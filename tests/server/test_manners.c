@@ -92,6 +92,8 @@ TEST(documents_have_tags_and_are_not_sent_twice)
         if (status_of(&daemon, "/v1/document", header) != 304)
             check_fail(__FILE__, __LINE__, "%s gives %d", list, answer.status);
         CHECK_STR(answer_header(&answer, "ETag"), tag);
+        CHECK(!answer_header(&answer, "Content-Encoding") && !answer_header(&answer, "Content-Type"));
+        CHECK_STR(answer_header(&answer, "Vary"), "Accept-Encoding");
         CHECK_INT(answer.body_size, 0);
     }
     CHECK_INT(status_of(&daemon, "/v1/document", "If-None-Match: \"x\"\r\n"), 200);

@@ -10,11 +10,6 @@
 #include <unistd.h>
 
 #define FAKE "facetd-fake"
-#define FLAGS(...)                                                                                 \
-    (const char *const[])                                                                          \
-    {                                                                                              \
-        __VA_ARGS__, NULL                                                                          \
-    }
 
 static struct answer answer; /* large; each test fills it anew */
 
@@ -129,10 +124,22 @@ TEST(the_drain_time_is_bounded)
         queued = daemon_post(&daemon, "/spin?ms=20000", "x");
     sleep_ms(200);
     double start = now_ms();
-    CHECK_INT(daemon_stop(&daemon), 1); /* 1: something was cut */
+    CHECK_INT(daemon_stop(&daemon), 0); /* as it was told */
     CHECK(now_ms() - start < 5000);
     close(running);
     close(queued);
+}
+
+TEST(a_client_that_reads_past_the_drain_is_cut)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, FLAGS("--drain", "0"))) return;
+    int fd = daemon_post(&daemon, "/big?bytes=60000000", "x");
+    sleep_ms(100);
+    double start = now_ms();
+    CHECK_INT(daemon_stop(&daemon), 0);
+    CHECK(now_ms() - start < 3000);
+    close(fd);
 }
 
 TEST(health_is_answered_while_all_workers_are_busy)

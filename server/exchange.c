@@ -1,0 +1,203 @@
+#include "exchange.h"
+
+#include "answer.h"
+#include "clock.h"
+#include "memory.h"
+#include "token.h"
+#include "waiting.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { SMALL_BODY = 65536 };
+
+void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
+{
+    struct http *http = user;
+    struct client *client =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+    if (!client || !target) return NULL;
+    if (!request_start(&client->request, target, http->now_us)) return NULL;
+    client->request.site = http->config.site;
+    head_note_target(&client->line, target);
+    client->phase = CLIENT_HEADERS;
+    client->deadline_us = http->now_us + seconds(http->options->header_timeout);
+    http_gauge(http, METRIC_ACTIVE, ++http->active_count);
+    return client;
+}
+
+static bool cors_allows(const struct http *http, const char *origin)
+{
+    const char *allowed = http->options->cors;
+    return origin && *allowed && (!strcmp(allowed, "*") || !strcmp(allowed, origin));
+}
+
+static enum MHD_Result answer_now(struct http *http, struct client *client)
+{
+    request_run(&client->request);
+    request_tag(&client->request, client_header(client, "If-None-Match"));
+    return answer_send(http, client);
+}
+
+static enum MHD_Result dispatch(struct http *http, struct client *client)
+{
+    struct request *request = &client->request;
+    request->received_us = clock_us();
+    if (!http->pool || request_is_short(request)) return answer_now(http, client);
+    request->deadline_us = request->received_us + seconds(http->options->deadline);
+    if (waiting_has_too_many(http, client)) {
+        request_refuse(request, 429, "this address has too many long requests running");
+        return answer_send(http, client);
+    }
+    request->was_queued = true; /* before, as the worker reads it */
+    request->crew = http->pool;
+    if (!pool_submit(http->pool, &request->job)) {
+        request->was_queued = false;
+        request->crew = NULL;
+        request_refuse(request, 503, "all workers are busy and the queue is full");
+        return answer_send(http, client);
+    }
+    waiting_add(http, client);
+    return MHD_YES;
+}
+
+/* What the head alone decides; true if the request is refused or answered. */
+static bool settle_by_head(struct http *http, struct client *client, const struct head *head)
+{
+    struct request *request = &client->request;
+    const char *method = request->method;
+    if (head->fault) {
+        request->close = true;
+        request_refuse(request, 400, head->fault);
+        return true;
+    }
+    if (strlen(request->path) + strlen(request->query) > REQUEST_TARGET_MAX) {
+        request_refuse(request, 414, "the request line is too long");
+        return true;
+    }
+    if (request->cors && !strcmp(method, "OPTIONS")) {
+        request->response.status = 204;
+        return true;
+    }
+    if (http->config.token && !site_is_open(request->site, request->path) &&
+        !token_matches(http->config.token, client_header(client, "Authorization"))) {
+        request_refuse(request, 401, "this asks for the header Authorization: Bearer TOKEN");
+        return true;
+    }
+    request->route = site_lookup(request->site, strcmp(method, "HEAD") ? method : "GET",
+                                 request->path, request->content_type);
+    if (!request->route.found) {
+        request_run(request);
+        return true;
+    }
+    if (head->length > request->route.body_max) {
+        request_refuse(request, 413, "the body is larger than this endpoint takes");
+        return true;
+    }
+    return false;
+}
+
+/* The headers are complete. */
+static enum MHD_Result begin(struct http *http, struct client *client, const char *method,
+                             const char *version)
+{
+    struct request *request = &client->request;
+    client->line.method = method;
+    client->line.version = version;
+    const struct head head = head_read(client->connection, &client->line);
+    snprintf(request->method, sizeof request->method, "%s", method);
+    request_set_id(request, client_header(client, "X-Request-Id"), &http->random_state);
+    request_set_trace(request, client_header(client, "traceparent"));
+    request->content_type = client_header(client, "Content-Type");
+    request->accept = client_header(client, "Accept");
+    request->accept_encoding = client_header(client, "Accept-Encoding");
+    request->body_expected = head.length;
+    client->deadline_us = http->now_us + seconds(http->options->header_timeout);
+    if (cors_allows(http, client_header(client, "Origin"))) request->cors = http->options->cors;
+    if (settle_by_head(http, client, &head)) return answer_early(http, client, &head);
+    client->phase = CLIENT_BODY;
+    return MHD_YES;
+}
+
+static enum MHD_Result collect(struct http *http, struct client *client, const char *data,
+                               size_t size)
+{
+    struct request *request = &client->request;
+    if (client->phase == CLIENT_DROP) return MHD_YES;
+    client_extend(client, size, http->options->min_rate, seconds(http->options->header_timeout));
+    switch (request_add_body(request, data, size, &http->budget)) {
+    case BODY_OK:
+        return MHD_YES;
+    case BODY_TOO_LARGE:
+        request_refuse(request, 413, "the body is larger than this endpoint takes");
+        break;
+    case BODY_NO_MEMORY:
+        request_refuse(request, 503, "too many bodies are being received");
+        break;
+    }
+    return answer_raw(http, client);
+}
+
+enum MHD_Result exchange_step(void *user, struct MHD_Connection *connection, const char *url,
+                                  const char *method, const char *version, const char *data,
+                                  size_t *size, void **context)
+{
+    struct http *http = user;
+    struct client *client = *context;
+    (void)connection, (void)url;
+    if (!client) return MHD_NO;
+    if (client->phase == CLIENT_HEADERS) return begin(http, client, method, version);
+    if (*size) {
+        size_t arrived = *size;
+        *size = 0;
+        return collect(http, client, data, arrived);
+    }
+    if (client->raw) return MHD_NO; /* answered; the whole upload has come: close */
+    if (client->phase == CLIENT_DROP) return answer_send(http, client);
+    if (client->phase == CLIENT_BODY) return dispatch(http, client);
+    if (atomic_load(&client->request.gone)) return MHD_NO;
+    return answer_send(http, client); /* back from the worker */
+}
+
+static const char *end_text(const struct client *client, enum MHD_RequestTerminationCode code)
+{
+    if (client->cut) return "cut";
+    if (client->request.gone) return "gone";
+    if (client->raw) return "refused";
+    switch (code) {
+    case MHD_REQUEST_TERMINATED_COMPLETED_OK:
+        return "ok";
+    case MHD_REQUEST_TERMINATED_TIMEOUT_REACHED:
+        return "timeout";
+    case MHD_REQUEST_TERMINATED_DAEMON_SHUTDOWN:
+        return "shutdown";
+    case MHD_REQUEST_TERMINATED_CLIENT_ABORT:
+        return "aborted";
+    case MHD_REQUEST_TERMINATED_READ_ERROR:
+        return "aborted";
+    case MHD_REQUEST_TERMINATED_WITH_ERROR:
+        break;
+    }
+    return "error";
+}
+
+void exchange_end(void *user, struct MHD_Connection *connection, void **context,
+                         enum MHD_RequestTerminationCode code)
+{
+    struct http *http = user;
+    struct client *client = *context;
+    (void)connection;
+    if (!client) return;
+    *context = NULL;
+    client->request.done_us = clock_us();
+    metrics_request(&client->request, client->request.gone);
+    const struct request *request = &client->request;
+    if (request->was_queued || request->body_size > SMALL_BODY) memory_used();
+    if (http->config.site == SITE_MAIN) request_log(&client->request, end_text(client, code));
+    request_clear(&client->request, &http->budget);
+    http_gauge(http, METRIC_ACTIVE, --http->active_count);
+    http_gauge(http, METRIC_BODY_MEMORY, http->budget.used);
+    client->phase = CLIENT_IDLE;
+    client->used = true;
+    client->deadline_us = http->now_us + seconds(http->options->timeout);
+}

@@ -1,0 +1,42 @@
+/*
+ * http_state.h - what the files behind http.h share: http.c (connections, the daemon's begin and
+ * end), exchange.c (a request from its first line to its log line), answer.c (how answers go out) and
+ * waiting.c (the requests that workers have).  One network thread owns it all.
+ */
+#ifndef HTTP_STATE_H
+#define HTTP_STATE_H
+
+#include "client.h"
+#include "http.h"
+#include "metrics.h"
+
+#include <microhttpd.h>
+
+struct http {
+    struct http_config config;
+    const struct options *options;
+    struct pool *pool;
+    struct MHD_Daemon *daemon;
+    int epoll_fd;
+    bool draining;
+    struct client *clients; /* all */
+    size_t client_count, active_count;
+    struct client **working; /* those that wait for a worker */
+    size_t working_count;
+    int64_t now_us; /* when this turn began: one look at the clock for all its requests */
+    struct body_budget budget;
+    uint64_t random_state;
+};
+
+/* Gauges are the main listener's. */
+static inline void http_gauge(const struct http *http, enum metric metric, size_t value)
+{
+    if (http->config.site == SITE_MAIN) metrics_set(metric, (long long)value);
+}
+
+static inline int64_t seconds(long s)
+{
+    return (int64_t)s * 1000000;
+}
+
+#endif
