@@ -2,13 +2,6 @@
 
 #include <float.h>
 
-struct array facet_array_at(struct array a, size_t offset)
-{
-    if (!a.data) return a;
-    size_t size = a.io == KERNEL_FLOAT ? sizeof(float) : sizeof(double);
-    return (struct array){ (char *)a.data + offset * size, a.io };
-}
-
 double facet_array_get(struct array a, size_t index)
 {
     return a.io == KERNEL_FLOAT ? (double)((const float *)a.data)[index] : ((const double *)a.data)[index];
@@ -20,17 +13,6 @@ void facet_array_put(struct array a, size_t index, double value)
         ((double *)a.data)[index] = value;
     else
         ((float *)a.data)[index] = value > FLT_MAX ? FLT_MAX : (float)value;
-}
-
-/* The kernels only read what they are given to read. */
-struct array facet_doubles(const double *v)
-{
-    return (struct array){ (void *)v, KERNEL_DOUBLE };
-}
-
-struct array facet_floats(const float *v)
-{
-    return (struct array){ (void *)v, KERNEL_FLOAT };
 }
 
 const struct facet_kernels *facet_kernels_nearest(facet_tier tier, enum kernel_io caller, enum kernel_io *io)

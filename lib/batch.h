@@ -10,7 +10,7 @@
 #include "dispatch.h"
 
 /* A block and what it yields stay in the first-level cache. */
-enum { BLOCK = 512 };
+enum { BLOCK = 512, LONG_BLOCK = 2048 };
 
 /* An array of either type. */
 struct array {
@@ -18,7 +18,24 @@ struct array {
     enum kernel_io io;
 };
 
-struct array facet_array_at(struct array array, size_t offset);
+static inline struct array facet_array_at(struct array a, size_t offset)
+{
+    if (!a.data) return a;
+    size_t size = a.io == KERNEL_FLOAT ? sizeof(float) : sizeof(double);
+    return (struct array){ (char *)a.data + offset * size, a.io };
+}
+
+/* The kernels only read what they are given to read. */
+static inline struct array facet_doubles(const double *v)
+{
+    return (struct array){ (void *)v, KERNEL_DOUBLE };
+}
+
+static inline struct array facet_floats(const float *v)
+{
+    return (struct array){ (void *)v, KERNEL_FLOAT };
+}
+
 double facet_array_get(struct array array, size_t index);
 /* What no float is near saturates. */
 void facet_array_put(struct array array, size_t index, double value);
@@ -58,8 +75,5 @@ size_t facet_padded(size_t n);
 
 /* The other way: n elements from the kernels' array to the caller's, if it has one. */
 void facet_unstage(const double *from, enum kernel_io io, size_t n, struct array to);
-
-struct array facet_doubles(const double *v);
-struct array facet_floats(const float *v);
 
 #endif

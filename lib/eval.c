@@ -75,24 +75,39 @@ static kernel_eval_fn *joint_loop(const struct batch *batch, const struct facet_
     return kernels->fr_pdf[b->material.ndf][b->shape];
 }
 
+/* The quantities asked for. */
+struct wanted {
+    int count, quantity[KERNEL_QUANTITY_COUNT];
+};
+
+static struct wanted wanted_of(const struct batch *batch)
+{
+    struct wanted w = { .count = 0 };
+    for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++)
+        if (batch->out[q][0].data) w.quantity[w.count++] = q;
+    return w;
+}
+
 /* A block of whole vectors in the kernels' own type. */
-static void run_in_place(const struct batch *batch, const struct loops *loops, size_t start, size_t n)
+static void run_in_place(const struct batch *batch, const struct loops *loops, const struct wanted *wanted,
+                         size_t start, size_t n)
 {
     struct kernel_job job = job_of(batch->brdf);
     for (int j = 0; j < 3; j++) {
         job.wi[j] = facet_array_at(batch->wi[j], start).data;
         job.wo[j] = facet_array_at(batch->wo[j], start).data;
     }
-    for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++)
-        for (size_t c = 0; c < columns_of(batch->brdf, q); c++)
-            job.out[q][c] = facet_array_at(batch->out[q][c], start).data;
-    kernel_eval_fn *joint = joint_loop(batch, loops->kernels);
+    for (int i = 0; i < wanted->count; i++)
+        for (int c = 0; c < 3; c++)
+            job.out[wanted->quantity[i]][c] = facet_array_at(batch->out[wanted->quantity[i]][c], start).data;
+    kernel_eval_fn *joint = wanted->count > 1 ? joint_loop(batch, loops->kernels) : NULL;
     if (joint && joint(&batch->brdf->surface, &job, n)) {
         redo_strays(batch, KERNEL_FR, start, n);
         redo_strays(batch, KERNEL_PDF, start, n);
     }
-    for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++) {
-        if (!batch->out[q][0].data || (joint && (q == KERNEL_FR || q == KERNEL_PDF))) continue;
+    for (int i = 0; i < wanted->count; i++) {
+        int q = wanted->quantity[i];
+        if (joint && (q == KERNEL_FR || q == KERNEL_PDF)) continue;
         if (run(batch, loops, &job, q, n)) redo_strays(batch, q, start, n);
     }
 }
@@ -129,36 +144,49 @@ void facet_batch_run(const struct batch *batch, size_t n)
     facet_tier tier = facet_batch_tier(batch->brdf, batch->tier);
     struct loops loops = { .kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io) };
     loops.samplers = facet_samplers_for(tier, io);
+    const struct wanted wanted = wanted_of(batch);
+    /* What is read once need not be in the first-level cache to be read again. */
+    const size_t most = wanted.count == 1 ? LONG_BLOCK : BLOCK;
     for (size_t start = 0; start < n;) {
-        size_t size = n - start < BLOCK ? n - start : BLOCK;
+        size_t size = n - start < most ? n - start : most;
         if (io == batch->wi[0].io && size >= KERNEL_LANES) {
             size -= size % KERNEL_LANES;
-            run_in_place(batch, &loops, start, size);
+            run_in_place(batch, &loops, &wanted, start, size);
         } else {
+            size = size < BLOCK ? size : BLOCK;
             run_staged(batch, &loops, io, start, size);
         }
         start += size;
     }
 }
 
-/* Where of n <= BLOCK elements there is no number; how many. */
-static size_t find_nans(struct array a, size_t n, size_t at[BLOCK + 1])
+static bool any_nan(const float *f, const double *d, size_t n)
 {
-    const float *f = a.data;
-    const double *d = a.data;
+    bool any = false;
+    for (size_t k = 0; f && k < n; k++) any |= f[k] != f[k];
+    for (size_t k = 0; d && k < n; k++) any |= d[k] != d[k];
+    return any;
+}
+
+/* Where of n <= BLOCK elements there is no number; how many. */
+static size_t find_nans(struct array a, size_t n, size_t at[BLOCK])
+{
     size_t count = 0;
-    if (a.io == KERNEL_FLOAT)
-        for (size_t k = 0; k < n; k++) at[count] = k, count += f[k] != f[k];
-    else
-        for (size_t k = 0; k < n; k++) at[count] = k, count += d[k] != d[k];
+    for (size_t k = 0, size; k < n; k += size) {
+        size = n - k < KERNEL_LANES ? n - k : KERNEL_LANES;
+        const struct array part = facet_array_at(a, k);
+        if (!any_nan(a.io == KERNEL_FLOAT ? part.data : NULL, a.io == KERNEL_FLOAT ? NULL : part.data, size)) continue;
+        for (size_t j = 0; j < size; j++)
+            if (isnan(facet_array_get(part, j))) at[count++] = k + j;
+    }
     return count;
 }
 
-/* One stray after the other into arrays of doubles, and their results back. */
-static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n)
+/* One stray after the other into arrays of doubles, and their results back; n <= BLOCK. */
+static void redo_block(const struct batch *batch, int quantity, size_t start, size_t n)
 {
     double in[6][BLOCK], out[3][BLOCK];
-    size_t at[BLOCK + 1];
+    size_t at[BLOCK];
     const struct array *columns = batch->out[quantity];
     /* A stray is one in every channel. */
     size_t count = find_nans(facet_array_at(columns[0], start), n, at);
@@ -175,9 +203,17 @@ static void redo_strays(const struct batch *batch, int quantity, size_t start, s
         again.wo[j] = (struct array){ in[3 + j], KERNEL_DOUBLE };
         if (columns[j].data) again.out[quantity][j] = (struct array){ out[j], KERNEL_DOUBLE };
     }
-    facet_batch_run(&again, count);
+    if (count) facet_batch_run(&again, count);
     for (int c = 0; c < 3; c++)
         for (size_t k = 0; columns[c].data && k < count; k++) facet_array_put(columns[c], at[k], out[c][k]);
+}
+
+static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n)
+{
+    for (size_t end = start + n, size; start < end; start += size) {
+        size = end - start < BLOCK ? end - start : BLOCK;
+        redo_block(batch, quantity, start, size);
+    }
 }
 
 facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
