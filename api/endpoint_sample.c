@@ -11,6 +11,9 @@
 
 enum { WI, WEIGHT, PDF, H, OUTPUT_COUNT };
 
+/* Samples drawn and printed at a time: they stay in the second-level cache. */
+enum { CHUNK = 8192 };
+
 static const char *const output_names[] = {"wi", "weight", "pdf", "h", NULL};
 
 struct sample_request {
