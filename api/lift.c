@@ -253,6 +253,16 @@ static enum outcome take_row(struct scan *scan, struct number_array *array,
     return LIFTED;
 }
 
+/* What follows a row and is like it: all the others, of an array that is large and sound. */
+static void take_like_rows(struct scan *scan, struct number_array *array, struct gathered *numbers)
+{
+    if (!array->columns || array->flaw) return;
+    size_t rows = api_number_rows(&scan->at, scan->end, numbers->values + numbers->count,
+                                  numbers->room - numbers->count, array->columns);
+    numbers->count += rows * array->columns;
+    array->rows += rows;
+}
+
 static enum outcome take_array(struct scan *scan, struct number_array *array,
                                struct gathered *numbers)
 {
@@ -264,6 +274,7 @@ static enum outcome take_array(struct scan *scan, struct number_array *array,
     array->nested = true;
     for (bool ended = false; !ended;) {
         enum outcome outcome = take_row(scan, array, numbers);
+        if (outcome == LIFTED) take_like_rows(scan, array, numbers);
         if (outcome == LIFTED) outcome = take_separator(scan, &ended);
         if (outcome != LIFTED) return outcome;
     }
