@@ -99,7 +99,7 @@ $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 WIRE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/wire/bench_*.c))
 $(WIRE): %: %.o $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
-bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire
+bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire, two threads against one
 	@for b in $(WIRE); do $$b; done
 check-numbers: $(B)/tests/unit/test_number ## the number codec on 10^8 random decimals and on every float (about 10 minutes)
 	FACET_NUMBERS=1e8 $< && FACET_NUMBERS=all $< floats_round_trip
@@ -135,7 +135,7 @@ fuzz-measurements: ## libFuzzer on every reader of measurements, RUNS inputs eac
 	@tests/fuzz/measurements.sh build/fuzz $(RUNS)
 
 # ---- the black-box client: shares no code with the product -------------------------
-CLIENTS  := client abuse readme torture load
+CLIENTS  := client abuse readme torture load wire
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
 $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
@@ -221,11 +221,15 @@ extras: ## install below build/extras what tests use of npm and PyPI (make test 
 torture: all clients ## fail every allocation and system call of every case's request, of start and end (3 minutes)
 	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes
 
-bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections
+bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections, large evaluations
 	@$(MAKE) --no-print-directory deps WHEN='bench-http test-extras'
 	@$(MAKE) -s --no-print-directory clients
 	@tests/bench_http.sh $(B)/facetd
 	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 5 --connections 16,64,128,256,512 --idle 8000
+	@$(B)/tests/client/facet_wire --daemon $(B)/facetd
+
+bench-million: all clients ## large evaluations over HTTP: time a direction, two workers against one, memory, start of work
+	@$(B)/tests/client/facet_wire --daemon $(B)/facetd
 
 SOAK_SECONDS ?= 1800
 soak-http: all clients ## SOAK_SECONDS (1800) of mixed load, half of it wrong or given up: every answer right, memory steady
@@ -306,6 +310,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http soak-http
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-long extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-million soak-http
 .SECONDARY:
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -5,7 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { STRETCHES = 16, STRETCH = 1 << 18, SEARCH = 1 << 16 /* bytes */ };
+/* Bytes. What a round yields stays in the second-level cache until it is taken. */
+enum { STRETCHES = 16, STRETCH = 1 << 16, SEARCH = 1 << 12 };
 
 struct stretch {
     const char *begin, *at, *end;
@@ -70,7 +71,7 @@ bool api_lift_rows(const struct document *document, const char **at, const char 
     if (!document->share || end - *at < ROWS_TOGETHER_MIN) return true;
     round.values = malloc(STRETCHES * round.room * sizeof *round.values);
     bool ok = true, whole = round.values;
-    while (whole && ok && end - *at >= ROWS_TOGETHER_MIN) {
+    while (whole && ok && end - *at > 2 * STRETCH) {
         cut(&round, *at, end);
         if (!round.count) break;
         document->share(document->crew, round.count, parse_stretch, &round);

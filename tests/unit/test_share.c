@@ -101,7 +101,7 @@ static void direction(struct rng *rng, float v[3])
 /* wi and wo, each large enough to be parsed by several; with what separates rows in other places too. */
 static char *sent_body(size_t *size)
 {
-    char *text = malloc(SENT * 120 + 400), *p = text;
+    char *text = malloc(SENT * 160 + 400), *p = text;
     struct rng rng;
     rng_seed(&rng, 6);
     p += sprintf(p, "{\"material\":{\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"]");
@@ -110,7 +110,7 @@ static char *sent_body(size_t *size)
         for (int i = 0; i < SENT; i++) {
             float v[3];
             direction(&rng, v);
-            p += sprintf(p, "%s[%.9g,%.9g, %.9g]", !i ? "" : i % 7 ? "," : " ,\n ", (double)v[0], (double)v[1], (double)v[2]);
+            p += sprintf(p, "%s[%.17g,%.17g, %.17g]", !i ? "" : i % 7 ? "," : " ,\n ", (double)v[0], (double)v[1], (double)v[2]);
         }
         *p++ = ']';
     }
