@@ -3,9 +3,6 @@
 
 #include "diffuse.h"
 
-#include <float.h>
-#include <math.h>
-
 const bool api_quantity_is_coloured[] = {
 #define QUANTITY(id, name, coloured, doc) coloured,
 #include "quantities.def"
@@ -78,14 +75,6 @@ static bool encode_doubles(const struct job *job, struct slot *slot, struct scra
 
 /* ---- In floats ------------------------------------------------------------------------------- */
 
-/* Numbers below the largest float, at which what is larger saturates. */
-static bool all_within(const float *values, size_t n)
-{
-    bool good = true;
-    for (size_t i = 0; i < n; i++) good &= fabsf(values[i]) < FLT_MAX;
-    return good;
-}
-
 static facet_status evaluate_floats(const struct job *job, struct scratch *s, size_t at, size_t n)
 {
     float *const in[6] = {s->float_in[0], s->float_in[1], s->float_in[2], s->float_in[3], s->float_in[4], s->float_in[5]};
@@ -102,12 +91,18 @@ static facet_status evaluate_floats(const struct job *job, struct scratch *s, si
     return facet_pdf_float(job->surface.brdf, job->promise.tier, job->evaluation->sampler, wi, wo, n, pdf);
 }
 
-/* False where a result is beyond floats: doubles are then the ones to ask. */
-static bool encode_floats(const struct job *job, struct slot *slot, struct scratch *s, size_t n)
+/* Not where a result is beyond floats: doubles are then the ones to ask. */
+static bool are_sound(const struct job *job, const struct scratch *s, size_t n)
 {
+    bool sound = true;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         for (size_t c = 0; c < columns_of(job, q) && is_wanted(job, q); c++)
-            if (!all_within(s->float_out[q][c], n)) return false;
+            sound = sound && api_floats_are_sound(s->float_out[q][c], n);
+    return sound;
+}
+
+static void encode_floats(const struct job *job, struct slot *slot, struct scratch *s, size_t n)
+{
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         if (!is_wanted(job, q)) continue;
         float *columns[3];
@@ -116,7 +111,6 @@ static bool encode_floats(const struct job *job, struct slot *slot, struct scrat
         char *p = slot->bytes[q] + slot->size[q];
         slot->size[q] += (size_t)(api_results_write_floats(job->results[q].width, columns, n, p) - p);
     }
-    return true;
 }
 
 static void widen(const struct job *job, struct scratch *s, size_t n)
@@ -134,21 +128,15 @@ static bool run_floats(const struct job *job, struct slot *slot, struct scratch 
     double computed = api_clock();
     slot->compute_us += computed - start;
     if (slot->status) return true;
-    bool done;
-    if (job->evaluation->representation.format == RESULTS_FLOAT32) {
-        done = encode_floats(job, slot, s, n);
-    } else {
-        done = true;
-        for (int q = 0; q < FACET_QUANTITY_COUNT && done; q++)
-            for (size_t c = 0; c < columns_of(job, q) && is_wanted(job, q) && done; c++)
-                done = all_within(s->float_out[q][c], n);
-        if (done) {
-            widen(job, s, n);
-            encode_doubles(job, slot, s, at, n);
-        }
+    bool sound = are_sound(job, s, n);
+    if (sound && job->evaluation->representation.format == RESULTS_FLOAT32) {
+        encode_floats(job, slot, s, n);
+    } else if (sound) {
+        widen(job, s, n);
+        encode_doubles(job, slot, s, at, n);
     }
     slot->encode_us += api_clock() - computed;
-    return done;
+    return sound;
 }
 
 static bool run_doubles(const struct job *job, struct slot *slot, struct scratch *s, size_t at, size_t n)

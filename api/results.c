@@ -78,6 +78,13 @@ char *api_results_write(const struct results *r, double *const columns[], size_t
     return write_doubles(r->width, columns, n, p);
 }
 
+bool api_floats_are_sound(const float *values, size_t n)
+{
+    bool good = true;
+    for (size_t i = 0; i < n; i++) good &= fabsf(values[i]) < FLT_MAX;
+    return good;
+}
+
 char *api_results_write_floats(size_t width, float *const columns[], size_t n, char *p)
 {
     if (width == 1) memcpy(p, columns[0], n * sizeof(float));

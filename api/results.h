@@ -48,7 +48,8 @@ enum results_fault api_results_fault(const struct results *results, double *cons
 size_t api_results_room(const struct results *results, size_t n);
 char *api_results_write(const struct results *results, double *const columns[], size_t n,
                         bool is_first, char *p);
-/* Of FLOAT32, from floats. */
+/* Of FLOAT32, from floats; and whether none of them has saturated or is no number. */
+bool api_floats_are_sound(const float *values, size_t n);
 char *api_results_write_floats(size_t width, float *const columns[], size_t n, char *p);
 
 #endif
