@@ -121,7 +121,7 @@ $(TESTS): %: %.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 WIRE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/wire/bench_*.c))
 $(WIRE): %: %.o $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
-bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire
+bench-wire: $(WIRE) ## nanoseconds per number and per direction of the wire, two threads against one
 	@for b in $(WIRE); do $$b; done
 check-numbers: $(B)/tests/unit/test_number ## the number codec on 10^8 random decimals and on every float (about 10 minutes)
 	FACET_NUMBERS=1e8 $< && FACET_NUMBERS=all $< floats_round_trip
@@ -156,7 +156,7 @@ fuzz-measurements: ## libFuzzer on every reader of measurements, RUNS inputs eac
 	@tests/fuzz/measurements.sh build/fuzz $(RUNS)
 
 # ---- the black-box client: shares no code with the product -------------------------
-CLIENTS  := client abuse readme torture load latency
+CLIENTS  := client abuse readme torture load latency wire
 CLIENT_O := $(filter-out $(patsubst %,$(B)/tests/client/%.o,$(CLIENTS)),$(call obj,tests/client))
 $(B)/tests/client/%.o: INC_tests :=
 $(patsubst %,$(B)/tests/client/facet_%,$(CLIENTS)): $(B)/tests/client/facet_%: $(B)/tests/client/%.o $(CLIENT_O)
@@ -241,11 +241,15 @@ extras: ## install below build/extras what tests use of npm and PyPI (make test 
 torture: all clients ## fail every allocation and system call of every case's request, of start and end (3 minutes)
 	$(B)/tests/client/facet_torture --daemon $(B)/facetd --fault $(B)/tests/torture/libfault.so --cases tests/client/cases --all yes --jobs 4
 
-bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections
+bench-http: all ## tiny answers against nginx at 16 to 512 connections, memory of 8000 idle connections, large evaluations
 	@$(MAKE) --no-print-directory deps WHEN='bench-http test-extras'
 	@$(MAKE) -s --no-print-directory clients
 	@tests/bench_http.sh $(B)/facetd
 	@$(B)/tests/client/facet_load --daemon $(B)/facetd --cases tests/client/cases --seconds 5 --connections 16,64,128,256,512 --idle 8000
+	@$(B)/tests/client/facet_wire --daemon $(B)/facetd
+
+bench-million: all clients ## large evaluations over HTTP: time a direction, two workers against one, memory, start of work
+	@$(B)/tests/client/facet_wire --daemon $(B)/facetd
 
 bench-latency: all clients ## how soon /healthz is answered while all workers are busy, and by the admin listener among 1000 tricklers
 	$(B)/tests/client/facet_latency --daemon $(B)/facetd
@@ -347,6 +351,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers chi2 test-page
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers chi2 test-page bench-million
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

@@ -103,10 +103,12 @@ void api_handle(const struct api_request *request, struct api_response *response
 
 /*
  * The next bytes of a streamed answer, at most `room`; 0 at its end, -1 when it cannot go on (cut the
- * connection: the status has gone out).  It computes: about a millisecond a block of 100 KB, so on a
- * worker.  Between two blocks it holds no more memory than one of them and the request.
+ * connection: the status has gone out).  It computes, about a megabyte ahead, which takes milliseconds:
+ * on a worker, unless it is ready.  Between two calls it holds no more memory than that and the request.
  */
 long api_stream_next(struct api_stream *stream, char *out, size_t room);
+/* The next call computes nothing. */
+bool api_stream_is_ready(const struct api_stream *stream);
 
 /* A problem+json response for what the server refuses by itself (408, 413, 429, 431, 503 ...). */
 void api_refuse(int status, const char *detail, struct api_response *response);

@@ -36,6 +36,9 @@ struct document {
     json_t *root;
     struct number_array *arrays;
     size_t count, room;
+    /* As in api_request: threads that help to read it. */
+    void (*share)(void *crew, size_t count, void (*task)(void *arg, size_t index), void *arg);
+    void *crew;
 };
 
 #endif

@@ -2,6 +2,7 @@
 
 #include "limits.h"
 #include "random.h"
+#include "triples.h"
 
 #include <float.h>
 #include <math.h>
@@ -167,15 +168,34 @@ static void vector_of(const struct plan *plan, size_t i, double v[3])
 }
 
 /* |v|^2 within 1.9e-6 of 1, so |v| within 1e-6: without a branch for each. */
-static bool all_exact(const struct plan *plan)
+static bool are_exact(const struct plan *plan, size_t start, size_t end)
 {
     bool good = true;
-    for (size_t i = 0; i < plan->count; i++) {
+    for (size_t i = start; i < end; i++) {
         double v[3];
         vector_of(plan, i, v);
         good &= fabs(v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - 1) <= 1.9 * exact_within;
     }
     return good;
+}
+
+/* How many of the first are so, by float32: |v|^2 is right to 3e-7 in it, so that all pass the test above. */
+static size_t count_exact_floats(const struct plan *plan)
+{
+    const float most = (float)(1.5 * exact_within);
+    size_t n = 0;
+    for (; n + 4 <= plan->count; n += 4) {
+        struct columns4 v = triples_at(plan->floats, n);
+        float4 off = v.x * v.x + v.y * v.y + v.z * v.z - 1;
+        int4 good = (off <= most) & (off >= -most);
+        if (!(good[0] & good[1] & good[2] & good[3])) break;
+    }
+    return n;
+}
+
+static bool all_exact(const struct plan *plan)
+{
+    return are_exact(plan, plan->values ? 0 : count_exact_floats(plan), plan->count);
 }
 
 /* A list some of whose lengths are not 1 within 1e-6: a copy with those normalised. */
@@ -225,6 +245,16 @@ bool api_plan(const struct directions *d, const struct place *place, struct deco
     return true;
 }
 
+/* Floats as sent, or a single vector that floats hold. */
+bool api_plan_is_float(const struct plan *plan)
+{
+    if (plan->kind != PLAN_LIST) return false;
+    if (!plan->values) return true;
+    bool held = plan->count == 1;
+    for (int k = 0; k < 3 && held; k++) held = plan->values[k] == (float)plan->values[k];
+    return held;
+}
+
 /* ---- Filling -------------------------------------------------------------------------------- */
 
 static void fill_random(uint64_t seed, size_t start, size_t n, double *x, double *y, double *z)
@@ -255,6 +285,25 @@ static void fill_grid(const struct plan *plan, size_t start, size_t n, double *x
     }
 }
 
+static void fill_floats(const struct plan *plan, size_t start, size_t n, double *x, double *y,
+                        double *z)
+{
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        struct columns4 v = triples_at(plan->floats, start + i);
+        put_widened(x + i, v.x);
+        put_widened(y + i, v.y);
+        put_widened(z + i, v.z);
+    }
+    for (; i < n; i++) {
+        double v[3];
+        vector_of(plan, start + i, v);
+        x[i] = v[0];
+        y[i] = v[1];
+        z[i] = v[2];
+    }
+}
+
 void api_plan_fill(const struct plan *plan, size_t start, size_t n, double *x, double *y, double *z)
 {
     if (plan->kind == PLAN_RANDOM) {
@@ -268,13 +317,32 @@ void api_plan_fill(const struct plan *plan, size_t start, size_t n, double *x, d
             y[i] = plan->sin_theta[t] * plan->sin_phi[p];
             z[i] = plan->cos_theta[t];
         }
-    } else {
-        for (size_t i = 0; i < n; i++) {
-            double v[3];
-            vector_of(plan, start + i, v);
+    } else if (plan->values) {
+        const double *v = plan->values + 3 * start;
+        for (size_t i = 0; i < n; i++, v += 3) {
             x[i] = v[0];
             y[i] = v[1];
             z[i] = v[2];
         }
+    } else {
+        fill_floats(plan, start, n, x, y, z);
+    }
+}
+
+void api_plan_fill_floats(const struct plan *plan, size_t start, size_t n, float *x, float *y, float *z)
+{
+    size_t i = 0;
+    for (; !plan->values && i + 4 <= n; i += 4) {
+        struct columns4 v = triples_at(plan->floats, start + i);
+        memcpy(x + i, &v.x, sizeof v.x);
+        memcpy(y + i, &v.y, sizeof v.y);
+        memcpy(z + i, &v.z, sizeof v.z);
+    }
+    for (; i < n; i++) {
+        double v[3];
+        vector_of(plan, start + i, v);
+        x[i] = (float)v[0];
+        y[i] = (float)v[1];
+        z[i] = (float)v[2];
     }
 }

@@ -62,4 +62,9 @@ bool api_plan(const struct directions *directions, const struct place *place,
 void api_plan_fill(const struct plan *plan, size_t start, size_t n, double *x, double *y,
                    double *z);
 
+/* Whether float32 holds all of its directions as they were sent; then also as floats. */
+bool api_plan_is_float(const struct plan *plan);
+void api_plan_fill_floats(const struct plan *plan, size_t start, size_t n, float *x, float *y,
+                          float *z);
+
 #endif

@@ -19,6 +19,19 @@ struct medium {
     bool (*matches)(const unsigned char *bytes, size_t size);
 };
 
+/* Of an answer. */
+struct piece {
+    const char *bytes;
+    size_t size;
+};
+
+/* One after the other; theirs is who produced them. */
+struct pieces {
+    const struct piece *list;
+    size_t count;
+    bool ended; /* these are the last */
+};
+
 struct call {
     const struct endpoint *endpoint;
     const struct api_request *request;
@@ -30,9 +43,9 @@ struct call {
     struct api_response *response;
     /*
      * Set by a handler that answers block by block (stream.h), which it may where
-     * request->can_stream: appends the next block, sets *ended with the last; false: failed.
+     * request->can_stream: the next pieces, which stay until it is called again; false: failed.
      */
-    bool (*produce)(struct call *call, struct text *block, bool *ended);
+    bool (*produce)(struct call *call, struct pieces *pieces);
     void *producer; /* what it goes on with; in the arena */
 };
 

@@ -5,6 +5,7 @@
 #include "facet_solid_angle.h"
 #include "limits.h"
 #include "random.h"
+#include "sample_floats.h"
 #include "sampler.h"
 #include "sequence.h"
 #include "transmission.h"
@@ -13,6 +14,9 @@
 #include <string.h>
 
 enum { WI, WEIGHT, PDF, H, SOLID_ANGLE, OUTPUT_COUNT };
+
+/* Samples drawn and printed at a time: they stay in the second-level cache. */
+enum { CHUNK = 8192 };
 
 /* Those of the member `outputs`; solid_angle has one of its own. */
 static const char *const output_names[] = {"wi", "weight", "pdf", "h", NULL};
@@ -237,8 +241,20 @@ static bool print_chunk(struct call *call, struct job *job, size_t n)
     return true;
 }
 
+/* How floats do it where they do; wasted counts on. */
+static struct float_samples float_samples_of(struct job *job)
+{
+    struct results *r[OUTPUT_COUNT];
+    for (int i = 0; i < OUTPUT_COUNT; i++) r[i] = asked(job, i) ? &job->results[i] : NULL;
+    return (struct float_samples){&job->surface, job->promise.tier, job->sampler, &job->wo, &job->in->u, &job->pairing,
+                                  r[WI], r[WEIGHT], r[PDF], r[H], 0};
+}
+
 static bool compute(struct call *call, struct job *job)
 {
+    struct float_samples floats = float_samples_of(job);
+    const bool on_floats = !asked(job, SOLID_ANGLE) && !job->surface.bsdf && api_takes_float_samples(&floats, job->representation.format);
+    const size_t most = on_floats ? SAMPLE_FLOATS_MAX : CHUNK;
     struct api_trace *trace = &call->response->trace;
     facet_samples samples = {{job->wi[0], job->wi[1], job->wi[2]},
                              {job->h[0], job->h[1], job->h[2]},
@@ -246,9 +262,14 @@ static bool compute(struct call *call, struct job *job)
                              job->pdf};
     facet_vec3_in from = {job->from[0], job->from[1], job->from[2]};
     for (size_t i = 0, n; i < job->pairing.count; i += n) {
-        n = job->pairing.count - i < CHUNK ? job->pairing.count - i : CHUNK;
+        n = job->pairing.count - i < most ? job->pairing.count - i : most;
         if (!api_still_wanted(call)) return false;
         double start = api_clock();
+        trace->evaluations += n;
+        if (on_floats && api_add_float_samples(&floats, i, n)) {
+            trace->compute_us += api_clock() - start;
+            continue;
+        }
         api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
         facet_status status =
@@ -265,8 +286,8 @@ static bool compute(struct call *call, struct job *job)
         trace->compute_us += computed - start;
         if (!print_chunk(call, job, n)) return false;
         trace->encode_us += api_clock() - computed;
-        trace->evaluations += n;
     }
+    job->wasted += floats.wasted;
     return true;
 }
 

@@ -1,4 +1,4 @@
-/* evaluate.h - what /v1/eval and /v1/pdf share: pairs in, printed arrays out, chunk by chunk. */
+/* evaluate.h - what /v1/eval and /v1/pdf share: pairs in, arrays out (evaluate_job.h: how). */
 #ifndef API_EVALUATE_H
 #define API_EVALUATE_H
 
@@ -7,9 +7,6 @@
 #include "pairs.h"
 #include "representation.h"
 #include "tolerance.h"
-
-/* Pairs computed and printed at a time: they stay in the second-level cache. */
-enum { CHUNK = 8192 };
 
 #define CHANNELS_FIELD(type_)                                                                      \
     {                                                                                              \

@@ -1,5 +1,6 @@
 #include "lift.h"
 
+#include "lift_rows.h"
 #include "limits.h"
 #include "number.h"
 
@@ -83,10 +84,11 @@ static void discard(struct gathered *numbers)
     numbers->values = numbers->small;
 }
 
-/* realloc moves pages, not bytes, once there are many. */
-static bool grow(struct gathered *numbers)
+/* For at least one more; realloc moves pages, not bytes, once there are many. */
+static bool grow_to(struct gathered *numbers, size_t least)
 {
     size_t room = numbers->room + numbers->room / 2;
+    if (room < least) room = least;
     double *more = NULL;
     if (room <= numbers->scan->arena->room / sizeof *more)
         more = realloc(numbers->values == numbers->small ? NULL : numbers->values,
@@ -95,6 +97,20 @@ static bool grow(struct gathered *numbers)
     if (numbers->values == numbers->small) memcpy(more, numbers->small, sizeof numbers->small);
     numbers->values = more;
     numbers->room = room;
+    return true;
+}
+
+static bool grow(struct gathered *numbers)
+{
+    return grow_to(numbers, 0);
+}
+
+static bool take_numbers(void *numbers_, const double *values, size_t n)
+{
+    struct gathered *numbers = numbers_;
+    if (n > numbers->room - numbers->count && !grow_to(numbers, numbers->count + n)) return false;
+    if (n) memcpy(numbers->values + numbers->count, values, n * sizeof *values);
+    numbers->count += n;
     return true;
 }
 
@@ -253,6 +269,22 @@ static enum outcome take_row(struct scan *scan, struct number_array *array,
     return LIFTED;
 }
 
+/* What follows a row and is like it: all the others, of an array that is large and sound. */
+static enum outcome take_like_rows(struct scan *scan, struct number_array *array, struct gathered *numbers)
+{
+    size_t before = numbers->count;
+    if (!array->columns || array->flaw) return LIFTED;
+    if (array->rows == 1 &&
+        !api_lift_rows(scan->document, &scan->at, scan->end, array->columns, take_numbers, numbers)) {
+        api_problem_memory(scan->problem);
+        return FAILED;
+    }
+    numbers->count += array->columns * api_number_rows(&scan->at, scan->end, numbers->values + numbers->count,
+                                                       numbers->room - numbers->count, array->columns);
+    array->rows += (numbers->count - before) / array->columns;
+    return LIFTED;
+}
+
 static enum outcome take_array(struct scan *scan, struct number_array *array,
                                struct gathered *numbers)
 {
@@ -264,6 +296,7 @@ static enum outcome take_array(struct scan *scan, struct number_array *array,
     array->nested = true;
     for (bool ended = false; !ended;) {
         enum outcome outcome = take_row(scan, array, numbers);
+        if (outcome == LIFTED) outcome = take_like_rows(scan, array, numbers);
         if (outcome == LIFTED) outcome = take_separator(scan, &ended);
         if (outcome != LIFTED) return outcome;
     }

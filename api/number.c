@@ -241,9 +241,62 @@ static const char *exponent_of(const char *p, const char *end, int64_t *exponent
     return p;
 }
 
+/* Powers of ten that doubles hold. */
+static const double exact_tens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                    1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+
+static inline uint64_t digits_at(const char *p)
+{
+    uint64_t c;
+    memcpy(&c, p, sizeof c);
+    return c ^ 0x3030303030303030u;
+}
+
+/* How many of the eight bytes are digits, up to the first that is none. */
+static inline unsigned count_of_digits(uint64_t c)
+{
+    uint64_t other = ((c + 0x7676767676767676u) | c) & 0x8080808080808080u; /* lowest: no digit */
+    return other ? (unsigned)__builtin_ctzll(other) >> 3 : 8;
+}
+
+/*
+ * What components of directions look like: a digit, a point, at most 19 digits and no exponent.
+ * Without a branch for each digit: the sixteen bytes behind the point are shifted up, so that zeros
+ * come before the digits and what follows them is gone.  Reads PLAIN_ROOM bytes.  NULL: another.
+ */
+enum { PLAIN_ROOM = 27 };
+static inline const char *parse_plain(const char *p, bool negative, double *value)
+{
+    uint64_t whole = (uint64_t)(*p - '0'), a = digits_at(p + 2), b = digits_at(p + 10);
+    if (whole > 9 || p[1] != '.') return NULL;
+    unsigned n = count_of_digits(a), more = 0;
+    n += n == 8 ? count_of_digits(b) : 0;
+    if (!n) return NULL;
+    wide digits = ((wide)b << 64 | a) << 8 * (16 - n);
+    uint64_t w = value_of_eight((uint64_t)digits) * 100000000 + value_of_eight((uint64_t)(digits >> 64));
+    if (n == 16) {
+        uint64_t c = digits_at(p + 18);
+        more = count_of_digits(c);
+        if (more > 3 || (whole && more > 2)) return NULL;
+        w = w * tens[more] + value_of_eight(c << 4 * (8 - more) << 4 * (8 - more));
+    }
+    n += more;
+    const char *end = p + 2 + n;
+    if ((*end | 0x20) == 'e') return NULL;
+    if (whole) w += whole * tens[n];
+    double magnitude = 0;
+    if (w < (uint64_t)1 << 53 && n <= 15) /* both are exact, so that the quotient is rounded once */
+        magnitude = (double)w / exact_tens[n];
+    else if (w && !scale(w, -(int64_t)n, &magnitude))
+        return NULL;
+    *value = from_bits(to_bits(magnitude) | (uint64_t)negative << 63);
+    return end;
+}
+
 static inline const char *parse(const char *at, const char *end, double *value)
 {
-    const char *p = at;
+    const char *p = at, *plain;
+    if (end - p > PLAIN_ROOM && (plain = parse_plain(p + (*p == '-'), *p == '-', value))) return plain;
     bool negative = p < end && *p == '-';
     p += negative;
     if (p == end || !is_digit(*p)) return NULL;
@@ -301,6 +354,28 @@ size_t api_number_run(const char **at, const char *end, double *out, size_t room
     }
     *at = p;
     return n;
+}
+
+size_t api_number_rows(const char **at, const char *end, double *out, size_t room, size_t columns)
+{
+    const char *p = *at;
+    size_t rows = 0;
+    for (; room - rows * columns >= columns; rows++) {
+        p = skip_space(p, end);
+        if (p == end || *p != ',') break;
+        p = skip_space(p + 1, end);
+        if (p == end || *p != '[') break;
+        size_t k = 0;
+        for (; k < columns; k++, out++) {
+            p = skip_space(p + 1, end);
+            if (!(p = parse(p, end, out)) || !(fabs(*out) <= DBL_MAX)) break;
+            p = skip_space(p, end);
+            if (p == end || *p != (k + 1 < columns ? ',' : ']')) break;
+        }
+        if (k < columns) break;
+        *at = ++p;
+    }
+    return rows;
 }
 
 /* ---- Printing ---------------------------------------------------------------------------------- */

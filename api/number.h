@@ -26,6 +26,12 @@ const char *api_number_parse(const char *at, const char *end, double *value);
  */
 size_t api_number_run(const char **at, const char *end, double *out, size_t room, bool *expecting);
 
+/*
+ * Behind a row of an array: as many more of ",[x,y,..]" as are whole and fit, each of so many columns;
+ * their number.  *at moves behind the last of them.
+ */
+size_t api_number_rows(const char **at, const char *end, double *out, size_t room, size_t columns);
+
 /* Room for any number printed here; no NUL is written past it. */
 enum { NUMBER_ROOM = 40, NUMBER_SHORTEST = 0, NUMBER_DIGITS_MAX = 17 };
 

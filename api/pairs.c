@@ -119,9 +119,39 @@ static void from_half(double *const out[6], size_t n)
     }
 }
 
-void api_pairs_fill(const struct pairs *pairs, size_t start, size_t n, double *const out[6])
+/* Whether all pairs have the same first or second direction, as it was sent. */
+static bool is_shared(const struct pairs *pairs, bool is_first)
 {
-    api_pairing_fill(&pairs->pairing, true, &pairs->first, start, n, out);
-    api_pairing_fill(&pairs->pairing, false, &pairs->second, start, n, out + 3);
+    const struct pairing *p = &pairs->pairing;
+    return !p->outer && !pairs->is_half && (is_first ? p->first : p->second) == 1;
+}
+
+void api_pairs_fill(const struct pairs *pairs, size_t start, size_t n, bool again,
+                    double *const out[6])
+{
+    if (!again || !is_shared(pairs, true))
+        api_pairing_fill(&pairs->pairing, true, &pairs->first, start, n, out);
+    if (!again || !is_shared(pairs, false))
+        api_pairing_fill(&pairs->pairing, false, &pairs->second, start, n, out + 3);
     if (pairs->is_half) from_half(out, n);
+}
+
+bool api_pairs_are_floats(const struct pairs *pairs)
+{
+    return !pairs->is_half && !pairs->pairing.outer && api_plan_is_float(&pairs->first) &&
+           api_plan_is_float(&pairs->second);
+}
+
+void api_pairs_fill_floats(const struct pairs *pairs, size_t start, size_t n, bool again,
+                           float *const out[6])
+{
+    for (int side = 0; side < 2; side++) {
+        const struct plan *plan = side ? &pairs->second : &pairs->first;
+        float *const *v = out + 3 * side;
+        bool shared = is_shared(pairs, !side);
+        if (again && shared) continue;
+        api_plan_fill_floats(plan, shared ? 0 : start, shared ? 1 : n, v[0], v[1], v[2]);
+        for (size_t i = 1; shared && i < n; i++)
+            for (int k = 0; k < 3; k++) v[k][i] = v[k][0];
+    }
 }

@@ -53,8 +53,17 @@ struct pairs {
 };
 
 bool api_pairs(const struct pair_request *request, struct decoder *decoder, struct pairs *pairs);
-/* wi (x, y, z) and wo (x, y, z) of pairs start .. start + n - 1. */
-void api_pairs_fill(const struct pairs *pairs, size_t start, size_t n, double *const out[6]);
+/*
+ * wi (x, y, z) and wo (x, y, z) of pairs start .. start + n - 1.  again: out holds what it did after
+ * a call for as many pairs or more; what all pairs share is left as it is.
+ */
+void api_pairs_fill(const struct pairs *pairs, size_t start, size_t n, bool again,
+                    double *const out[6]);
+
+/* Whether float32 holds all directions as they were sent; then also as floats. */
+bool api_pairs_are_floats(const struct pairs *pairs);
+void api_pairs_fill_floats(const struct pairs *pairs, size_t start, size_t n, bool again,
+                           float *const out[6]);
 
 /* The plan's directions for batch elements start .. start + n - 1; is_first: which partner it is.
  */

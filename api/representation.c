@@ -128,14 +128,17 @@ size_t api_prefix_size(const struct representation *representation)
     return strcmp(representation->type, NPY_TYPE) ? 0 : NPY_HEADER_SIZE;
 }
 
-void api_represent_prefix(const struct representation *representation, const struct results *r,
-                          struct text *text)
+bool api_prefix_piece(struct call *call, const struct representation *representation,
+                      const struct results *r, struct piece *piece)
 {
-    char header[NPY_HEADER_SIZE];
-    if (strcmp(representation->type, NPY_TYPE)) return;
+    *piece = (struct piece){"", api_prefix_size(representation)};
+    if (!piece->size) return true;
+    char *header = api_arena_alloc(call->arena, NPY_HEADER_SIZE);
+    if (!header) return api_problem_memory(call->problem);
     api_npy_header(header, r->format == RESULTS_FLOAT32 ? ARRAY_FLOAT : ARRAY_DOUBLE, r->count,
                    r->width);
-    api_text_bytes(text, header, sizeof header);
+    piece->bytes = header;
+    return true;
 }
 
 bool api_answer_arrays(struct call *call, const struct representation *representation,
@@ -145,8 +148,11 @@ bool api_answer_arrays(struct call *call, const struct representation *represent
     bool is_npz = !strcmp(representation->type, NPZ_TYPE);
     size_t size;
     double start = api_clock();
-    if (!api_represent_headers(call, arrays, count)) return false;
-    api_represent_prefix(representation, arrays->results, &text);
+    struct piece prefix;
+    if (!api_represent_headers(call, arrays, count) ||
+        !api_prefix_piece(call, representation, arrays->results, &prefix))
+        return false;
+    if (prefix.size) api_text_bytes(&text, prefix.bytes, prefix.size);
     if (is_npz)
         api_npz_write(&text, arrays, count);
     else

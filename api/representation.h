@@ -64,8 +64,9 @@ bool api_can_stream(const struct representation *representation);
 bool api_represent_headers(struct call *call, const struct named_results *arrays, size_t count);
 /* What stands before the numbers of an array: the header of a .npy, or nothing; and its bytes. */
 size_t api_prefix_size(const struct representation *representation);
-void api_represent_prefix(const struct representation *representation,
-                          const struct results *results, struct text *text);
+/* In the call's arena; false: out of memory. */
+bool api_prefix_piece(struct call *call, const struct representation *representation,
+                      const struct results *results, struct piece *piece);
 
 /* Binary answers: the body and its headers, call->out without its arrays among them. */
 bool api_answer_arrays(struct call *call, const struct representation *representation,

@@ -27,12 +27,17 @@ size_t api_number_size(enum results_format format)
     return format == RESULTS_JSON ? 0 : format == RESULTS_FLOAT32 ? sizeof(float) : sizeof(double);
 }
 
-/* Elements i .. i + n - 1 as JSON; their end. */
-static char *write_json(const struct results *r, double *const columns[], size_t i, size_t n,
-                        bool is_first, char *p)
+size_t api_results_room(const struct results *r, size_t n)
+{
+    return r->format == RESULTS_JSON ? n * (r->width * (NUMBER_ROOM + 1) + 3)
+                                     : n * r->width * api_number_size(r->format);
+}
+
+static char *write_json(const struct results *r, double *const columns[], size_t n, bool is_first,
+                        char *p)
 {
     bool nested = r->width > 1 && !r->flat;
-    for (size_t end = i + n; i < end; i++) {
+    for (size_t i = 0; i < n; i++) {
         *p++ = is_first ? '[' : ',';
         is_first = false;
         if (nested) *p++ = '[';
@@ -47,22 +52,46 @@ static char *write_json(const struct results *r, double *const columns[], size_t
     return p;
 }
 
-static char *write_floats(size_t width, double *const columns[], size_t i, size_t n, char *p)
+static char *write_doubles(size_t width, double *const columns[], size_t n, char *p)
 {
     for (size_t k = 0; k < width; k++)
-        for (size_t j = 0; j < n; j++) {
-            float x = (float)columns[k][i + j];
-            memcpy(p + (j * width + k) * sizeof x, &x, sizeof x);
+        for (size_t i = 0; i < n; i++)
+            memcpy(p + (i * width + k) * sizeof(double), &columns[k][i], sizeof(double));
+    return p + n * width * sizeof(double);
+}
+
+static char *write_rounded(size_t width, double *const columns[], size_t n, char *p)
+{
+    for (size_t k = 0; k < width; k++)
+        for (size_t i = 0; i < n; i++) {
+            float x = (float)columns[k][i];
+            memcpy(p + (i * width + k) * sizeof x, &x, sizeof x);
         }
     return p + n * width * sizeof(float);
 }
 
-static char *write_doubles(size_t width, double *const columns[], size_t i, size_t n, char *p)
+char *api_results_write(const struct results *r, double *const columns[], size_t n, bool is_first,
+                        char *p)
 {
-    for (size_t k = 0; k < width; k++)
-        for (size_t j = 0; j < n; j++)
-            memcpy(p + (j * width + k) * sizeof(double), &columns[k][i + j], sizeof(double));
-    return p + n * width * sizeof(double);
+    if (r->format == RESULTS_JSON) return write_json(r, columns, n, is_first, p);
+    if (r->format == RESULTS_FLOAT32) return write_rounded(r->width, columns, n, p);
+    return write_doubles(r->width, columns, n, p);
+}
+
+bool api_floats_are_sound(const float *values, size_t n)
+{
+    bool good = true;
+    for (size_t i = 0; i < n; i++) good &= fabsf(values[i]) < FLT_MAX;
+    return good;
+}
+
+char *api_results_write_floats(size_t width, float *const columns[], size_t n, char *p)
+{
+    if (width == 1) memcpy(p, columns[0], n * sizeof(float));
+    for (size_t k = 0; k < width && width > 1; k++)
+        for (size_t i = 0; i < n; i++)
+            memcpy(p + (i * width + k) * sizeof(float), &columns[k][i], sizeof(float));
+    return p + n * width * sizeof(float);
 }
 
 /* The largest number that rounds to a float. */
@@ -76,33 +105,33 @@ static bool all_below(const struct results *r, double *const columns[], size_t n
     return good;
 }
 
-/* Moves count to the first element beyond max. */
-static bool find_fault(struct results *r, double *const columns[], size_t n)
+enum results_fault api_results_fault(const struct results *r, double *const columns[], size_t n,
+                                     size_t *at)
 {
     double max = r->format == RESULTS_FLOAT32 ? float_max : DBL_MAX;
-    for (size_t i = 0; i < n; i++, r->count++)
-        for (size_t k = 0; k < r->width; k++)
-            if (!(fabs(columns[k][i]) <= max)) {
-                r->fault = isfinite(columns[k][i]) ? RESULTS_TOO_LARGE : RESULTS_NOT_FINITE;
-                return false;
-            }
-    return true;
+    if (all_below(r, columns, n, max)) return RESULTS_SOUND;
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < r->width; k++) {
+            double x = columns[k][i];
+            *at = i;
+            if (!(fabs(x) <= max)) return isfinite(x) ? RESULTS_TOO_LARGE : RESULTS_NOT_FINITE;
+        }
+    return RESULTS_SOUND;
 }
 
 bool api_results_add(struct results *r, double *const columns[], size_t n)
 {
-    if (!all_below(r, columns, n, r->format == RESULTS_FLOAT32 ? float_max : DBL_MAX))
-        return find_fault(r, columns, n);
+    size_t at = 0;
+    r->fault = api_results_fault(r, columns, n, &at);
+    r->count += at;
+    if (r->fault != RESULTS_SOUND) return false;
     for (size_t i = 0, some; i < n; i += some) {
         some = n - i < BLOCK ? n - i : BLOCK;
-        char *begin = api_text_reserve(&r->text, some * (r->width * (NUMBER_ROOM + 1) + 3)), *end;
+        double *here[3];
+        for (size_t k = 0; k < r->width; k++) here[k] = columns[k] + i;
+        char *begin = api_text_reserve(&r->text, api_results_room(r, some));
         if (!begin) return true; /* the text remembers */
-        if (r->format == RESULTS_JSON)
-            end = write_json(r, columns, i, some, !r->count && !i, begin);
-        else if (r->format == RESULTS_FLOAT32)
-            end = write_floats(r->width, columns, i, some, begin);
-        else
-            end = write_doubles(r->width, columns, i, some, begin);
+        char *end = api_results_write(r, here, some, !r->count && !i, begin);
         api_text_commit(&r->text, (size_t)(end - begin));
     }
     r->count += n;

@@ -201,6 +201,8 @@ static bool decode_document(struct call *call, void *in, struct decoder *decoder
     const struct api_request *request = call->request;
     struct document *document = api_arena_array(call->arena, 1, sizeof *document);
     if (!document) return api_problem_memory(call->problem);
+    document->share = request->share;
+    document->crew = request->crew;
     if (!read_document(call, document)) return false;
     bool ok = request->query && *request->query
                   ? api_decode_query(request->query, document->root, endpoint->request, in, decoder)

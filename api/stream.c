@@ -1,48 +1,49 @@
 #include "stream.h"
 
-#include "limits.h"
-
 #include <stdlib.h>
 #include <string.h>
 
 void api_stream_close(struct api_stream *stream)
 {
     if (!stream) return;
-    free(stream->block);
     api_arena_close(&stream->arena);
     free(stream);
 }
 
-enum { BLOCK_MIN = 65536 }; /* bytes: less is not worth a turn of a worker */
-
-/* One more block, in an arena of its own: its pieces go when they are copied. */
-static bool refill(struct api_stream *stream)
+static bool has_pieces(const struct api_stream *stream)
 {
-    struct arena arena;
-    api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
-    struct text text = api_text(&arena);
-    free(stream->block);
-    stream->block = NULL;
-    stream->block_size = stream->taken = 0;
-    bool ok = true;
-    while (ok && !stream->ended && text.size < BLOCK_MIN)
-        ok = stream->call.produce(&stream->call, &text, &stream->ended);
-    if (ok) {
-        stream->block = api_text_take(&text, &stream->block_size);
-        ok = stream->block;
+    return stream->piece < stream->pieces.count;
+}
+
+bool api_stream_is_ready(const struct api_stream *stream)
+{
+    return has_pieces(stream) || stream->pieces.ended || stream->failed;
+}
+
+/* What is there of the pieces, at most `room` bytes. */
+static size_t take(struct api_stream *stream, char *out, size_t room)
+{
+    size_t taken = 0;
+    while (has_pieces(stream) && taken < room) {
+        const struct piece *piece = &stream->pieces.list[stream->piece];
+        size_t left = piece->size - stream->taken, n = left < room - taken ? left : room - taken;
+        memcpy(out + taken, piece->bytes + stream->taken, n);
+        taken += n;
+        stream->taken += n;
+        if (stream->taken < piece->size) break;
+        stream->piece++;
+        stream->taken = 0;
     }
-    api_arena_close(&arena);
-    return ok;
+    return taken;
 }
 
 long api_stream_next(struct api_stream *stream, char *out, size_t room)
 {
-    while (stream->taken == stream->block_size) {
-        if (stream->ended) return 0;
-        if (!refill(stream)) return -1;
+    while (!has_pieces(stream)) {
+        if (stream->failed) return -1;
+        if (stream->pieces.ended) return 0;
+        stream->piece = stream->pieces.count = 0;
+        stream->failed = !stream->call.produce(&stream->call, &stream->pieces);
     }
-    size_t left = stream->block_size - stream->taken, n = left < room ? left : room;
-    memcpy(out, stream->block + stream->taken, n);
-    stream->taken += n;
-    return (long)n;
+    return (long)take(stream, out, room);
 }

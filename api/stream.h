@@ -18,9 +18,9 @@ struct api_stream {
     struct api_request request;   /* a copy: what it points to is the caller's */
     struct api_response scratch;  /* the call's response once api_handle has returned */
     struct call call;
-    char *block; /* malloc'd; of block_size bytes the first `taken` are gone */
-    size_t block_size, taken;
-    bool ended;
+    struct pieces pieces;
+    size_t piece, taken; /* pieces that are gone, and bytes of the next */
+    bool failed;
 };
 
 /* NULL is fine. */

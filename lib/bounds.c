@@ -222,11 +222,17 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
     return isfinite(value);
 }
 
+/* Results of the float tiers are floats anyway. */
+static double rounded_to_float(facet_tier tier, double bound)
+{
+    return tier >= FACET_EXACT32 ? bound + FLOAT_ROUNDING * (1 + bound) : bound;
+}
+
 bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quantity, double input_error,
                        double *bound)
 {
     if (!facet_bound(b, tier, quantity, input_error, bound)) return false;
-    if (tier >= FACET_EXACT32) *bound += FLOAT_ROUNDING * (1 + *bound);
+    *bound = rounded_to_float(tier, *bound);
     return true;
 }
 
@@ -266,6 +272,13 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
     double condition = density == FACET_SAMPLER_BOUNDED ? cap_bound_condition(b, tier) : 0;
     if (density == FACET_SAMPLER_COSINE) *bound = input_error;
     *bound += base_sampler_bound(tier, density, true) + condition + 4 * input_error;
+    return true;
+}
+
+bool facet_pdf_bound_float(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
+{
+    if (!facet_pdf_bound(b, tier, sampler, input_error, bound)) return false;
+    *bound = rounded_to_float(tier, *bound);
     return true;
 }
 

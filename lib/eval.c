@@ -260,20 +260,29 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
     return FACET_OK;
 }
 
+/* By hand and not fmin, which is a call; no number of these is none. */
+static double least(double a, double b)
+{
+    return a < b ? a : b;
+}
+
 double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                        bool exact_z)
 {
     const struct kernel_surface *s = &brdf->surface;
     bool leans = brdf->shape == KERNEL_SHEARED;
-    double least = 1;
+    double closest = 1, shortest2 = 1; /* |H|^2: one root for all of them */
     for (size_t i = 0; i < n; i++) {
         double x = wi.x[i] + wo.x[i], y = wi.y[i] + wo.y[i], z = wi.z[i] + wo.z[i];
-        double ci = wi.z[i] - wi.x[i] * s->slope_x - wi.y[i] * s->slope_y;
-        double co = wo.z[i] - wo.x[i] * s->slope_x - wo.y[i] * s->slope_y;
-        least = fmin(least, sqrt(x * x + y * y + z * z));
-        if (leans || !exact_z) least = fmin(least, fmin(fabs(ci), fabs(co)));
-        if (!exact_z) least = fmin(least, fmin(fabs(wi.z[i]), fabs(wo.z[i])));
-        if (!exact_z || wi.z[i] * wo.z[i] < 0) least = fmin(least, fabs(z));
+        shortest2 = least(shortest2, x * x + y * y + z * z);
+        if (leans || !exact_z) {
+            double ci = wi.z[i] - wi.x[i] * s->slope_x - wi.y[i] * s->slope_y;
+            double co = wo.z[i] - wo.x[i] * s->slope_x - wo.y[i] * s->slope_y;
+            closest = least(closest, least(fabs(ci), fabs(co)));
+        }
+        if (!exact_z) closest = least(closest, least(fabs(wi.z[i]), fabs(wo.z[i])));
+        if (!exact_z || wi.z[i] * wo.z[i] < 0) closest = least(closest, fabs(z));
     }
-    return least > 0 ? 1 / least : INFINITY;
+    closest = least(closest, sqrt(shortest2));
+    return closest > 0 ? 1 / closest : INFINITY;
 }

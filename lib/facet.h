@@ -231,6 +231,10 @@ bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler s
 bool facet_pdf_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
                      double *bound);
 
+/* The same for facet_pdf_float. */
+bool facet_pdf_bound_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
+                           double *bound);
+
 const char *facet_tier_name(facet_tier tier);
 /* For people: the materials it promises anything for (facet_bound decides). */
 const char *facet_tier_domain(facet_tier tier);
@@ -361,6 +365,10 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_s
  */
 facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
                        facet_vec3_in wo, size_t n, double *pdf);
+
+/* The same on floats. */
+facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in_float wi,
+                             facet_vec3_in_float wo, size_t n, float *pdf);
 
 /* ---- Long work ------------------------------------------------------------------ */
 

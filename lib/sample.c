@@ -183,3 +183,17 @@ facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sa
     facet_batch_run(&batch, n);
     return FACET_OK;
 }
+
+facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in_float wi,
+                             facet_vec3_in_float wo, size_t n, float *pdf)
+{
+    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    struct batch batch = { .brdf = brdf, .tier = tier,
+                           .wi = { facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z) },
+                           .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) } };
+    facet_status status = facet_batch_sampler(brdf, sampler, &batch.sampler);
+    if (status) return status;
+    batch.out[KERNEL_PDF][0] = facet_floats(pdf);
+    facet_batch_run(&batch, n);
+    return FACET_OK;
+}

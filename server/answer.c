@@ -28,11 +28,11 @@ static ssize_t send_block(void *user, uint64_t position, char *out, size_t room)
             return MHD_CONTENT_READER_END_WITH_ERROR;
         if (request->block_last) return MHD_CONTENT_READER_END_OF_STREAM;
         request->deadline_us = clock_us() + seconds(http->options->deadline);
-        if (pool_submit(http->pool, &request->job)) {
+        if (!api_stream_is_ready(request->response.stream) && pool_submit(http->pool, &request->job)) {
             waiting_add(http, client);
             return 0;
         }
-        request_next_block(request); /* no worker is free: about a millisecond */
+        request_next_block(request); /* a copy; or no worker is free: some milliseconds */
         client->deadline_us = answer_deadline(http, http->now_us, REQUEST_BLOCK);
     }
     size_t left = request->block_size - request->block_taken, n = left < room ? left : room;

@@ -90,8 +90,10 @@ int http_timeout_ms(const struct http *http)
 
 void http_turn(struct http *http)
 {
+    enum { RUNS = 8 }; /* a body comes in pieces of a few KB: not a poll for each */
     http->now_us = clock_us();
     MHD_run(http->daemon);
+    for (int i = 1; i < RUNS && !http_timeout_ms(http); i++) MHD_run(http->daemon);
 }
 
 bool http_is_full(const struct http *http)

@@ -196,6 +196,46 @@ TEST(samples_as_bytes)
     form_clear(&form);
 }
 
+/* What the float tiers draw and weigh is as far from the truth as they say, and what doubles make of it. */
+TEST(samples_in_floats)
+{
+    static const char *const requests[] = {
+        "{\"material\":{\"alpha\":0.3},\"outputs\":[\"wi\",\"weight\",\"pdf\",\"h\"],\"tolerance\":%s}",
+        "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}},\"outputs\":[\"wi\",\"weight\",\"pdf\",\"h\"],\"tolerance\":%s}",
+        "{\"material\":{\"alpha\":0.3},\"sampler\":\"ndf\",\"outputs\":[\"wi\",\"weight\",\"pdf\",\"h\"],\"tolerance\":%s}"};
+    static const char *const tolerances[] = {"1e-6", "3e-4", "1e-2"};
+    static float u[2 * N], wo[3] = {0.6f, 0, 0.8f};
+    struct rng rng;
+    rng_seed(&rng, 8);
+    for (int i = 0; i < 2 * N; i++) u[i] = (float)(0.05 + 0.9 * rng_uniform(&rng));
+    for (size_t i = 0; i < 9; i++) {
+        struct answer answers[2];
+        size_t width = i / 3 == 1 ? 3 : 1;
+        double bound = atof(tolerances[i % 3]);
+        for (int which = 0; which < 2; which++) { /* exact, and the tier's */
+            char request[400];
+            struct form form = {0};
+            snprintf(request, sizeof request, requests[i / 3], which ? tolerances[i % 3] : "1e-9");
+            form_add_text(&form, "request", request);
+            form_add(&form, "u", u, sizeof u);
+            form_add(&form, "wo", wo, sizeof wo);
+            form_end(&form);
+            answers[which] = ask_form("/v1/sample", &form, "application/octet-stream");
+            CHECK_INT(answers[which].response.status, 200);
+            CHECK_INT(answers[which].response.body_size, N * (7 + width) * (which ? sizeof(float) : sizeof(double)));
+            form_clear(&form);
+        }
+        const double *x = answers[0].response.body;
+        const float *y = answers[1].response.body;
+        for (size_t k = 0; k < N * (7 + width); k++) {
+            bool is_direction = k < 3 * N || k >= N * (4 + width);
+            CHECK_REL(y[k], x[k], (is_direction ? 1 : 30) * bound, is_direction ? 1 : 1e-6);
+        }
+        answer_clear(&answers[0]);
+        answer_clear(&answers[1]);
+    }
+}
+
 /* The status and first pointer (or a word of the detail) of a form with one part beside the request. */
 static void check_form(const char *name, const void *bytes, size_t size, int status, const char *what)
 {

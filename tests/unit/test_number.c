@@ -39,11 +39,27 @@ static double any_double(struct rng *rng)
     return x;
 }
 
+/* In the middle of an array: more bytes behind it may be read. */
+static void check_followed(const char *text, size_t size, double expected)
+{
+    static const char *const tails[] = {",0.123456789,-0.98765432109876543", "]  1234567890123456789012345678", " \xff\xb0\x3a////////////////////////////"};
+    char long_text[400];
+    double parsed = -7;
+    const char *tail = tails[size % 3];
+    if (size > 300) return;
+    memcpy(long_text, text, size);
+    strcpy(long_text + size, tail);
+    const char *end = api_number_parse(long_text, long_text + size + strlen(tail), &parsed);
+    if (end != long_text + size || bits_of(parsed) != bits_of(expected))
+        check_fail(__FILE__, __LINE__, "%.60s (%zu bytes) and more is %.17g, not %.17g", text, size, parsed, expected);
+}
+
 /* Parsed from a buffer of exactly its size, so that asan sees a byte too many. */
 static void check_parse(const char *text, size_t size)
 {
     double parsed = -7, expected = strtod(text, NULL);
     const char *end = api_number_parse(text, text + size, &parsed);
+    check_followed(text, size, expected);
     if (end != text + size || bits_of(parsed) != bits_of(expected))
         check_fail(__FILE__, __LINE__, "%.60s (%zu bytes) is %.17g, not %.17g", text, size, parsed,
                    expected);

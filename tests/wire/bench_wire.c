@@ -1,11 +1,12 @@
 /*
  * Nanoseconds per number of the codec, and per direction of whole requests through api_handle (no
- * socket): read ratios.  bench_wire [DIRECTIONS]
+ * socket), and how much faster two threads are than one: read ratios.  bench_wire [DIRECTIONS]
  */
 #include "api.h"
 #include "number.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -82,12 +83,12 @@ static void codec(int digits)
     double sum[2];
     MEASURE(libc, NUMBERS, size = write_all(digits, 1));
     MEASURE(ours, NUMBERS, size = write_all(digits, 0));
-    printf("print %2d digits: %5.1f ns a number (printf %.0f), %.1f bytes\n", digits, ours, libc,
-           (double)size / NUMBERS);
+    printf("print %2d digits: %5.1f ns a number (printf %.0f), %.1f bytes%s\n", digits, ours, libc,
+           (double)size / NUMBERS, digits == 9 ? "   asked <= 12" : "");
     MEASURE(ours, NUMBERS, sum[0] = read_all(size, 0));
     MEASURE(libc, NUMBERS, sum[1] = read_all(size, 1));
-    printf("parse %2d digits: %5.1f ns a number (strtod %.0f)%s\n", digits, ours, libc,
-           sum[0] == sum[1] ? "" : "  DIFFERENT");
+    printf("parse %2d digits: %5.1f ns a number (strtod %.0f)%s%s\n", digits, ours, libc,
+           digits == 9 ? "   asked <= 15" : "", sum[0] == sum[1] ? "" : "  DIFFERENT");
 }
 
 static void ask(const struct api_request *request, size_t directions, const char *name)
@@ -164,6 +165,86 @@ static void form(size_t n, const char *accept)
     free(body);
 }
 
+/* ---- Threads ------------------------------------------------------------------------------------- */
+
+/* One helper, as a worker of the daemon with nothing else to do. */
+static struct crew {
+    pthread_mutex_t mutex;
+    pthread_cond_t changed;
+    void (*task)(void *arg, size_t index);
+    void *arg;
+    size_t taken, count, helping;
+} crew = {.mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
+
+static void take_tasks(void)
+{
+    while (crew.taken < crew.count) {
+        size_t index = crew.taken++;
+        pthread_mutex_unlock(&crew.mutex);
+        crew.task(crew.arg, index);
+        pthread_mutex_lock(&crew.mutex);
+    }
+}
+
+static void *help(void *unused)
+{
+    pthread_mutex_lock(&crew.mutex);
+    for (;;) {
+        while (crew.taken == crew.count) pthread_cond_wait(&crew.changed, &crew.mutex);
+        crew.helping++;
+        take_tasks();
+        crew.helping--;
+        pthread_cond_broadcast(&crew.changed);
+    }
+    return unused;
+}
+
+static void share(void *unused, size_t count, void (*task)(void *arg, size_t index), void *arg)
+{
+    (void)unused;
+    pthread_mutex_lock(&crew.mutex);
+    crew.task = task;
+    crew.arg = arg;
+    crew.taken = 0;
+    crew.count = count;
+    pthread_cond_broadcast(&crew.changed);
+    take_tasks();
+    while (crew.helping) pthread_cond_wait(&crew.changed, &crew.mutex);
+    pthread_mutex_unlock(&crew.mutex);
+}
+
+static double wall_ms(const struct api_request *request)
+{
+    static char block[1 << 17];
+    struct timespec a, b;
+    struct api_response response;
+    clock_gettime(CLOCK_MONOTONIC, &a);
+    api_handle(request, &response);
+    if (response.status != 200) printf("%.300s\n", (char *)response.body);
+    while (response.stream && api_stream_next(response.stream, block, sizeof block) > 0) continue;
+    clock_gettime(CLOCK_MONOTONIC, &b);
+    api_response_clear(&response);
+    return 1e3 * (double)(b.tv_sec - a.tv_sec) + 1e-6 * (double)(b.tv_nsec - a.tv_nsec);
+}
+
+/* The answer of 1e6 Beckmann directions, fr and pdf, block by block; in turns, best of some. */
+static void threads(const char *accept)
+{
+    static const char body[] = "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],"
+                               "\"wo\":[[-0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":1000,\"phi\":1000}}}";
+    struct api_request request = {.method = "POST", .path = "/v1/eval", .accept = accept, .body = body,
+                                  .body_size = sizeof body - 1, .can_stream = true};
+    double one = INFINITY, two = INFINITY;
+    for (int i = 0; i < 3 * REPEATS; i++) {
+        request.share = NULL;
+        one = fmin(one, wall_ms(&request));
+        request.share = share;
+        two = fmin(two, wall_ms(&request));
+    }
+    printf("1e6 Beckmann fr and pdf, %s: 1 thread %.1f ms, 2 threads %.1f ms, ratio %.2f   asked >= 1.8\n",
+           strchr(accept, '/') + 1, one, two, one / two);
+}
+
 int main(int argc, char **argv)
 {
     size_t n = argc > 1 ? (size_t)strtoul(argv[1], NULL, 10) : 100000;
@@ -178,6 +259,10 @@ int main(int argc, char **argv)
     form(n, "application/x-npy");
     form(n, "application/zip");
     form(n, "application/json");
+    pthread_t helper;
+    if (pthread_create(&helper, NULL, help, NULL)) return 1;
+    threads("application/json");
+    threads("application/octet-stream");
     free(text);
     api_close();
     return 0;
