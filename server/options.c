@@ -172,8 +172,10 @@ void options_limits(const struct options *options, struct api_limit limits[OPTIO
 #define OPTION_LIMIT(field, flag, environment, fallback, min, max, help)                           \
     limits[n++] = (struct api_limit){#field, options->field, help};
 #define OPTION_TEXT(field, flag, environment, fallback, help)
+#define OPTION_FLAG(field, flag, environment, help)
 #include "options.def"
 #undef OPTION_NUMBER
 #undef OPTION_LIMIT
 #undef OPTION_TEXT
+#undef OPTION_FLAG
 }

@@ -33,10 +33,12 @@ enum {
 #define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)
 #define OPTION_LIMIT(field, flag, environment, fallback, min, max, help) +1
 #define OPTION_TEXT(field, flag, environment, fallback, help)
+#define OPTION_FLAG(field, flag, environment, help)
 #include "options.def"
 #undef OPTION_NUMBER
 #undef OPTION_LIMIT
 #undef OPTION_TEXT
+#undef OPTION_FLAG
 };
 void options_limits(const struct options *options, struct api_limit limits[OPTIONS_LIMITS]);
 
