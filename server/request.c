@@ -155,12 +155,12 @@ static bool lists_tag(const char *list, const char *tag)
     return false;
 }
 
-/* There is none: Content-Encoding would describe the stored answer, which has its own. */
-static void drop_headers_of_content(struct api_response *response)
+/* There is no content: this would describe the stored answer, which has its own. */
+static void drop_content_encoding(struct api_response *response)
 {
     size_t kept = 0;
     for (size_t i = 0; i < response->header_count; i++)
-        if (strncasecmp(response->headers[i].name, "Content-", 8))
+        if (strcasecmp(response->headers[i].name, "Content-Encoding"))
             response->headers[kept++] = response->headers[i];
     response->header_count = kept;
 }
@@ -179,7 +179,7 @@ void request_tag(struct request *request, const char *wanted)
     response->body_size = 0;
     response->content_type = NULL;
     response->status = 304;
-    drop_headers_of_content(response);
+    drop_content_encoding(response);
 }
 
 /*
