@@ -193,6 +193,13 @@ report-leadr: $(REPORT_LEADR) ## filtered slopes against brute force: tables and
 	@if command -v gnuplot >/dev/null; then (cd build/report && gnuplot ../../tests/report/leadr.gp); \
 	else echo 'skip the curves: gnuplot is not installed'; fi
 
+# ---- the bench of /v1/fit ---------------------------------------------------------------------
+BENCH_FIT := $(B)/tests/bench/fit
+$(BENCH_FIT): %: %.o $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
+bench-fit: all $(BENCH_FIT) ## milliseconds of fits and extractions, of a MERL file through HTTP
+	@tests/bench/fit.sh $(B)/facetd $(BENCH_FIT) build/bench-fit $(DATA)
+
 # ---- the bench of /v1/leadr ------------------------------------------------------------------
 MAKE_MAP := $(B)/tests/bench/make_map
 $(MAKE_MAP): $(B)/tests/bench/make_map.o $(B)/tests/support/exr_file.o
@@ -351,6 +358,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers chi2 test-page bench-million
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers chi2 test-page bench-million bench-fit
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

@@ -126,7 +126,8 @@ typedef struct facet_fit {
     size_t count; /* by growing size */
     facet_fit_candidate candidate[FACET_FIT_CANDIDATES_MAX];
     facet_fit_convention convention;
-    bool has_convention;  /* false where it means nothing: samples, other masking than SMITH */
+    bool has_convention;  /* false where it means nothing: samples, other masking than SMITH, an
+                             anisotropic source that is no model under either */
     double table_scale;   /* of the slope tables: tan theta at u = 1/2 */
     size_t pairs;       /* that the errors were taken over */
     double flat_rms;    /* rms_log of the best Lambertian surface: what a fit must explain */

@@ -1,6 +1,8 @@
 /* fit_extract.c - slope distributions of a source, and which convention it obeys. */
 #include "fit_work.h"
 
+#include "fit_pure.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -170,17 +172,49 @@ facet_status facet_fit_extract_diffuse(struct fit_work *work)
 
 /* ---- Anisotropic ---------------------------------------------------------------------------- */
 
-/* The shape of an anisotropic source, and the convention that gives the purer one. */
+/* The other convention must miss a model by so much more: nodes are coarse. */
+#define PURER_TURNED 3
+/* Beyond this the distribution is no model's, whatever the convention. */
+#define PURE_TURNED 0.05
+
+static facet_status turn_by(struct fit_work *work, facet_fit_convention convention, struct fit_turn *turn,
+                            double *purity)
+{
+    facet_status status = facet_fit_turn_create(work->source, work->options->masking, convention,
+                                                work->fit->table_scale, TURN_RADII, TURN_AZIMUTHS, work->watch, turn);
+    if (status == FACET_OK)
+        *purity = fmin(facet_fit_turn_purity(turn, FACET_GGX), facet_fit_turn_purity(turn, FACET_BECKMANN));
+    return status;
+}
+
+/*
+ * The shape of an anisotropic source, and the convention that gives the purer one; where neither
+ * clearly does, correlated, and nothing is said.
+ */
 void facet_fit_open_turned(struct fit_work *work)
 {
     facet_fit *fit = work->fit;
+    struct fit_turn other = {0};
+    double correlated, masking = INFINITY;
     fit->convention = FACET_FIT_CORRELATED;
-    fit->has_convention = false; /* a table of one profile cannot tell */
-    work->status =
-        facet_fit_turn_create(work->source, work->options->masking, fit->convention,
-                              fit->table_scale, TURN_RADII, TURN_AZIMUTHS, work->watch, &work->turn);
+    fit->has_convention = false;
+    work->status = turn_by(work, FACET_FIT_CORRELATED, &work->turn, &correlated);
     if (facet_fit_cancelled(work)) return;
     work->has_turn = true;
+    if (work->options->masking == FACET_SMITH) {
+        facet_status status = turn_by(work, FACET_FIT_MASKING_ONLY, &other, &masking);
+        bool better = status == FACET_OK && masking < PURE_TURNED && masking * PURER_TURNED < correlated;
+        fit->has_convention = better || (correlated < PURE_TURNED && correlated * PURER_TURNED < masking);
+        if (better) {
+            struct fit_turn worse = work->turn;
+            work->turn = other;
+            other = worse;
+            fit->convention = FACET_FIT_MASKING_ONLY;
+        }
+        facet_fit_turn_clear(&other);
+        if (status != FACET_OK && status != FACET_BAD_DATA) work->status = status;
+        if (facet_fit_cancelled(work)) return;
+    }
     work->roughness = facet_fit_turn_roughness(&work->turn, FACET_GGX);
 }
 

@@ -226,6 +226,46 @@ TEST(anisotropic_roughness)
     }
 }
 
+/* The same surface where backscatter is masked only: the smaller of the two G1 in place of G. */
+static facet_status evaluate_masked(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                                    double *const fr[3], bool *valid)
+{
+    double *g = malloc(3 * n * sizeof *g);
+    facet_outputs outputs = {0};
+    if (!g) return FACET_NO_MEMORY;
+    outputs.of[FACET_G][0] = g;
+    outputs.of[FACET_G1_I][0] = g + n;
+    outputs.of[FACET_G1_O][0] = g + 2 * n;
+    facet_status status = evaluate_brdf(user, wi, wo, n, fr, valid);
+    if (status == FACET_OK) status = facet_eval(user, FACET_PRECISE, wi, wo, n, &outputs);
+    for (size_t i = 0; status == FACET_OK && i < n; i++)
+        for (int c = 0; c < 3 && g[i] > 0; c++) fr[c][i] *= fmin(g[n + i], g[2 * n + i]) / g[i];
+    free(g);
+    return status;
+}
+
+TEST(anisotropic_hot_spot_is_recognised)
+{
+    for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
+        facet_material material = {.ndf = (facet_ndf)ndf,
+                                   .roughness = {.6, .2, -.5, 0, 0},
+                                   .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+        facet_brdf *brdf;
+        CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
+        for (int masked = 0; masked < 2; masked++) {
+            facet_fit_source source = {masked ? evaluate_masked : evaluate_brdf, brdf, INFINITY, true, NULL};
+            facet_fit_options options = {FACET_SMITH, 90, 1u << ndf, true, false, false};
+            facet_fit fit;
+            CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
+            if (!fit.has_convention || fit.convention != (masked ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED))
+                check_fail(__FILE__, __LINE__, "ndf %d masked %d: has %d convention %d", ndf, masked,
+                           fit.has_convention, (int)fit.convention);
+            facet_fit_clear(&fit);
+        }
+        facet_brdf_destroy(brdf);
+    }
+}
+
 /* ---- Other maskings -------------------------------------------------------------------------------- */
 
 TEST(vgroove_and_normal_map)
