@@ -250,7 +250,8 @@ facet_status facet_leadr_sizes(const facet_map_source *source, const facet_leadr
  * is ever a difference of large numbers.  The result does not depend on the side
  * from which the map is read: mirrored central differences give mirrored levels,
  * bit for bit; nor on the crew, which may be NULL: nobody helps.  source, and a
- * sink without begin, are called by the caller's thread alone.  sink may be NULL: only the summary is wanted.
+ * sink without begin, are called by the caller's thread alone.  sink may be NULL:
+ * only the summary is wanted.
  * BAD_SIZE: sides or product beyond the limits above, or too small for TRIM.
  * BAD_DATA: values that are not finite (summary->flaw says where), or slopes too
  * steep for the storage type (flaw.count is 0 then).

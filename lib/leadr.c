@@ -106,7 +106,8 @@ static size_t rows_together(size_t first, size_t count)
 static bool run_batch(struct filter *f, size_t level, size_t first, size_t count)
 {
     struct batch b = {.filter = f, .level = level, .first = first, .count = count};
-    if (f->sink && f->sink->begin && !f->sink->begin(f->sink->user, level, first, count)) return false;
+    const facet_leadr_sink *sink = f->sink;
+    if (sink && sink->begin && !sink->begin(sink->user, level, first, count)) return false;
     if (f->crew && count > 1 && count * f->summary->width[level] >= WORTH_SHARING)
         f->crew->share(f->crew->user, count, make_row, &b);
     else
