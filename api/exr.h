@@ -52,10 +52,15 @@ struct exr_writer;
 struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
                                        const struct exr_attribute *attributes,
                                        size_t attribute_count, struct image_problem *problem);
-/* Row `row` of a level, a value per plane and column; the rows of a level in order, levels in any.
- * False: out of memory; close it then. */
-bool api_exr_writer_row(struct exr_writer *writer, size_t level, size_t row,
+/*
+ * Rows of a level in order, levels in any: begin says which `count` rows come, from `first` on, within
+ * one multiple of FACET_SINK_ROWS; put takes each, a value per plane and column, on any thread; end
+ * takes notice that they are there.  False: out of memory; close it then.
+ */
+bool api_exr_writer_begin(struct exr_writer *writer, size_t level, size_t first, size_t count);
+void api_exr_writer_put(const struct exr_writer *writer, size_t level, size_t row,
                         const float *const *planes);
+void api_exr_writer_end(struct exr_writer *writer, size_t level, size_t first, size_t count);
 /* After every row of every level: *bytes is to be freed.  The attributes may have changed since,
  * but not in length. */
 enum image_status api_exr_writer_finish(struct exr_writer *writer,

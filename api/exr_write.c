@@ -390,11 +390,25 @@ static void end_band(struct exr_writer *w, size_t level, size_t y)
     l->skip = l->skips;
 }
 
-bool api_exr_writer_row(struct exr_writer *w, size_t level, size_t row, const float *const *planes)
+_Static_assert((int)FACET_SINK_ROWS == (int)TILE, "rows that come together are of one row of tiles");
+
+bool api_exr_writer_begin(struct exr_writer *w, size_t level, size_t first, size_t count)
+{
+    (void)count;
+    return first % TILE != 0 || begin_band(w, level, first / TILE);
+}
+
+void api_exr_writer_end(struct exr_writer *w, size_t level, size_t first, size_t count)
+{
+    const size_t end = first + count;
+    if (end % TILE == 0 || end == w->level[level].height) end_band(w, level, first / TILE);
+}
+
+void api_exr_writer_put(const struct exr_writer *w, size_t level, size_t row,
+                        const float *const *planes)
 {
     const struct exr_level_state *l = &w->level[level];
     const size_t y = row / TILE, inside = row % TILE, height = tile_side(l->height, y);
-    if (inside == 0 && !begin_band(w, level, y)) return false;
     const size_t head = l->compressed ? 0 : CHUNK_HEAD;
     for (size_t x = 0; x < l->across; x++) {
         const size_t width = tile_side(l->width, x);
@@ -403,8 +417,6 @@ bool api_exr_writer_row(struct exr_writer *w, size_t level, size_t row, const fl
         for (size_t k = 0; k < w->pyramid.plane_count; k++, to += width * w->element)
             put_values(planes[w->order[k]] + x * TILE, width, w->pyramid.half, to);
     }
-    if (inside == height - 1) end_band(w, level, y);
-    return true;
 }
 
 /* ---- Finish ---------------------------------------------------------------------------------- */

@@ -325,7 +325,7 @@ static bool run(struct call *call, struct leadr_work *work, struct keeper *k)
         k->column = (size_t)(work->at[0] * (double)sizes.width[k->level]);
         k->row = (size_t)(work->at[1] * (double)sizes.height[k->level]);
     }
-    const facet_leadr_sink sink = {keep, k};
+    const facet_leadr_sink sink = {.row = keep, .user = k};
     const bool ok = api_leadr_filter(call, work, &sink);
     k->sizes = &work->summary;
     return ok;

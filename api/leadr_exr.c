@@ -78,10 +78,22 @@ static void describe_header(const struct leadr_work *work, bool filtered, struct
     number(h, "leadrBilinearOverForward", api_leadr_ratio(&work->summary, FACET_BILINEAR));
 }
 
-static bool store_row(void *user, size_t level, size_t row,
-                      const float *const plane[FACET_PLANES_MAX])
+static bool begin_rows(void *writer, size_t level, size_t first, size_t count)
 {
-    return api_exr_writer_row(user, level, row, plane);
+    return api_exr_writer_begin(writer, level, first, count);
+}
+
+static bool put_row(void *writer, size_t level, size_t row,
+                    const float *const plane[FACET_PLANES_MAX])
+{
+    api_exr_writer_put(writer, level, row, plane);
+    return true;
+}
+
+static bool end_rows(void *writer, size_t level, size_t first, size_t count)
+{
+    api_exr_writer_end(writer, level, first, count);
+    return true;
 }
 
 static bool refuse_exr(struct call *call, const struct image_problem *problem)
@@ -125,7 +137,7 @@ bool api_leadr_exr(struct call *call, struct leadr_work *work, bool force)
     describe_header(work, false, &header);
     struct exr_writer *writer = api_exr_writer_open(&pyramid, header.list, header.count, &problem);
     if (!writer) return refuse_exr(call, &problem);
-    const facet_leadr_sink sink = {store_row, writer};
+    const facet_leadr_sink sink = {put_row, writer, begin_rows, end_rows};
     bool ok = api_leadr_filter(call, work, &sink) && api_leadr_loss_check(call, work, force);
     if (ok) {
         describe_header(work, true, &header);

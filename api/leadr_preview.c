@@ -89,7 +89,7 @@ bool api_leadr_picture(struct call *call, struct leadr_work *work)
     const size_t n = k.width * k.height;
     unsigned char *rgb = malloc(3 * n);
     k.values = malloc(k.planes * n * sizeof *k.values);
-    const facet_leadr_sink sink = {keep, &k};
+    const facet_leadr_sink sink = {.row = keep, .user = &k};
     void *bytes = NULL;
     size_t size = 0;
     bool ok = (rgb && k.values) || api_problem_memory(call->problem);

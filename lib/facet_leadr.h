@@ -219,7 +219,15 @@ typedef struct facet_leadr_summary {
 typedef struct facet_leadr_sink {
     bool (*row)(void *user, size_t level, size_t row, const float *const plane[FACET_PLANES_MAX]);
     void *user;
+    /*
+     * NULL, or: begin is told of `count` rows of a level, from `first` on, that come next, in any
+     * order and on any thread, and then end.  They lie within one multiple of FACET_SINK_ROWS.
+     */
+    bool (*begin)(void *user, size_t level, size_t first, size_t count);
+    bool (*end)(void *user, size_t level, size_t first, size_t count);
 } facet_leadr_sink;
+
+enum { FACET_SINK_ROWS = 64 };
 
 /*
  * Others who help: runs task(arg, 0) .. task(arg, count - 1), on any threads, and
@@ -241,8 +249,9 @@ facet_status facet_leadr_sizes(const facet_map_source *source, const facet_leadr
  * merged in double in central form by the parallel-axis rule, so that no variance
  * is ever a difference of large numbers.  The result does not depend on the side
  * from which the map is read: mirrored central differences give mirrored levels,
- * bit for bit; nor on the crew, which may be NULL: nobody helps.  source and sink are
- * called by the caller's thread alone.  sink may be NULL: only the summary is wanted.
+ * bit for bit; nor on the crew, which may be NULL: nobody helps.  source, and a
+ * sink without begin, are called by the caller's thread alone.  sink may be NULL:
+ * only the summary is wanted.
  * BAD_SIZE: sides or product beyond the limits above, or too small for TRIM.
  * BAD_DATA: values that are not finite (summary->flaw says where), or slopes too
  * steep for the storage type (flaw.count is 0 then).

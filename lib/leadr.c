@@ -29,6 +29,7 @@ struct batch {
     struct filter *filter;
     size_t level, first, count;
     struct leadr_stored stored[BATCH_MAX];
+    bool taken[BATCH_MAX]; /* by the sink */
 };
 
 static bool cancelled(const facet_watch *watch)
@@ -51,6 +52,16 @@ static float *planes_of(const struct filter *f, size_t level, size_t k)
     return f->planes + k * f->store.plane_count * f->summary->width[level];
 }
 
+/* Row k of a batch to the sink; false: it refuses. */
+static bool sink_row(const struct batch *b, size_t k)
+{
+    const struct filter *f = b->filter;
+    const float *plane[FACET_PLANES_MAX] = {NULL};
+    for (size_t j = 0; j < f->store.plane_count; j++)
+        plane[j] = planes_of(f, b->level, k) + j * f->summary->width[b->level];
+    return f->sink->row(f->sink->user, b->level, b->first + k, plane);
+}
+
 /* One row, from slopes to what is stored of it and to what coarser levels need; on any thread. */
 static void make_row(void *batch_, size_t k)
 {
@@ -67,29 +78,36 @@ static void make_row(void *batch_, size_t k)
         facet_leadr_store_row(&f->store, f->summary->width[b->level], at, planes_of(f, b->level, k));
     facet_mip_rows_squeeze(&f->mip, b->level, b->first + k, at);
     if (b->level == f->summary->level_count - 1) note_mean(f, at);
+    b->taken[k] = !f->sink || !f->sink->begin || sink_row(b, k);
 }
 
 /* What a batch brings goes on in order, whoever made it. */
 static bool deliver(struct batch *b)
 {
     struct filter *f = b->filter;
-    const size_t width = f->summary->width[b->level];
     if (!b->level) facet_slope_rows_tally(&f->rows, b->count);
     for (size_t k = 0; k < b->count; k++) {
-        const float *plane[FACET_PLANES_MAX] = {NULL};
-        for (size_t j = 0; j < f->store.plane_count; j++)
-            plane[j] = planes_of(f, b->level, k) + j * width;
         facet_leadr_loss_add(&f->summary->loss[b->level], &b->stored[k].loss);
         f->overflow |= b->stored[k].overflow;
-        if (f->sink && !f->sink->row(f->sink->user, b->level, b->first + k, plane)) return false;
+        if (!b->taken[k] || (f->sink && !f->sink->begin && !sink_row(b, k))) return false;
     }
-    return true;
+    return !f->sink || !f->sink->begin ||
+           f->sink->end(f->sink->user, b->level, b->first, b->count);
+}
+
+/* Of rows from `first` on, those that may be one batch. */
+static size_t rows_together(size_t first, size_t count)
+{
+    const size_t left = FACET_SINK_ROWS - first % FACET_SINK_ROWS;
+    return count < left ? count : left;
 }
 
 /* A batch, and then those of the levels made of it: at most FACET_MAP_LEVELS_MAX deep. */
 static bool run_batch(struct filter *f, size_t level, size_t first, size_t count)
 {
     struct batch b = {.filter = f, .level = level, .first = first, .count = count};
+    const facet_leadr_sink *sink = f->sink;
+    if (sink && sink->begin && !sink->begin(sink->user, level, first, count)) return false;
     if (f->crew && count > 1 && count * f->summary->width[level] >= WORTH_SHARING)
         f->crew->share(f->crew->user, count, make_row, &b);
     else
@@ -98,9 +116,12 @@ static bool run_batch(struct filter *f, size_t level, size_t first, size_t count
     for (size_t i = level + 1; i < f->mip.count; i++) {
         struct mip_level *l = &f->mip.level[i];
         if (l->parent != level) continue;
-        const size_t done = l->done, ready = facet_mip_rows_ready(&f->mip, i, first + count);
-        if (ready > done && !run_batch(f, i, done, ready - done)) return false;
-        l->done = ready;
+        const size_t ready = facet_mip_rows_ready(&f->mip, i, first + count);
+        while (l->done < ready) {
+            const size_t n = rows_together(l->done, ready - l->done);
+            if (!run_batch(f, i, l->done, n)) return false;
+            l->done += n;
+        }
     }
     return true;
 }
@@ -109,7 +130,7 @@ static facet_status run(struct filter *f)
 {
     const size_t height = f->rows.height;
     for (size_t q = 0, count; q < height; q += count) {
-        count = height - q < f->rows.batch ? height - q : f->rows.batch;
+        count = rows_together(q, height - q < f->rows.batch ? height - q : f->rows.batch);
         if (cancelled(f->watch)) return FACET_CANCELLED;
         if (!facet_slope_rows_load(&f->rows, q, count)) break;
         if (!run_batch(f, 0, q, count)) return FACET_NO_MEMORY;
@@ -243,7 +264,7 @@ facet_status facet_leadr_create(const facet_height_map *map, const facet_leadr_o
     *leadr = NULL;
     if (flaw) *flaw = (facet_map_flaw){0, 0, 0};
     if (!made) return FACET_NO_MEMORY;
-    const facet_leadr_sink sink = {keep_row, made};
+    const facet_leadr_sink sink = {.row = keep_row, .user = made};
     facet_status status = facet_leadr_sizes(&source, options, &made->summary);
     if (status == FACET_OK) status = allocate(made);
     if (status == FACET_OK)

@@ -3,6 +3,7 @@
 # Each line is a daemon of its own: the best of three requests (seconds of the clock, and of the
 # daemon's processor time, which a busy machine does not stretch), the peak of the first over the
 # idle daemon as multiples of the input's pixels in float (wanted: 8), and what came.
+# FACETD_WORKERS=1 measures one worker; else there is one per processor.
 set -eu
 facetd=$1 make_map=$2
 folder=$(mktemp -d)

@@ -52,7 +52,9 @@ static void *write_pyramid(bool half, enum exr_compression compression, size_t *
             if (y >= heights[l]) continue;
             for (size_t k = 0; k < 3; k++)
                 for (size_t x = 0; x < widths[l]; x++) row[(k + 1) % 3][x] = value_at(l, k, x, y);
-            CHECK(api_exr_writer_row(writer, l, y, (const float *const[]){row[0], row[1], row[2]}));
+            CHECK(api_exr_writer_begin(writer, l, y, 1));
+            api_exr_writer_put(writer, l, y, (const float *const[]){row[0], row[1], row[2]});
+            api_exr_writer_end(writer, l, y, 1);
         }
     CHECK_INT(api_exr_writer_finish(writer, last, 2, &bytes, size, &problem), IMAGE_OK);
     api_exr_writer_close(writer);

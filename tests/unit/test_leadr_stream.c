@@ -332,14 +332,14 @@ TEST(a_sink_that_refuses_ends_the_work)
     const facet_map_source source = {FACET_HEIGHTS, 16, 16, height_row, z};
     for (size_t left = 1; left <= 31; left += 10) {
         struct countdown c = {left, 0};
-        const facet_leadr_sink sink = {take_some, &c};
+        const facet_leadr_sink sink = {.row = take_some, .user = &c};
         facet_leadr_summary s;
         CHECK_INT(facet_leadr_filter(&source, &plain, NULL, NULL, &sink, &s), FACET_NO_MEMORY);
         CHECK_INT(c.rows, left);
     }
     /* 16 + 8 + 4 + 2 + 1 rows, each once. */
     struct countdown c = {32, 0};
-    const facet_leadr_sink sink = {take_some, &c};
+    const facet_leadr_sink sink = {.row = take_some, .user = &c};
     facet_leadr_summary s;
     CHECK_INT(facet_leadr_filter(&source, &plain, NULL, NULL, &sink, &s), FACET_OK);
     CHECK_INT(c.rows, 31);
