@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 enum {
-    CONNECTION_MEMORY = 16384, /* heads of 10 KiB; zeroed for each request, so that more costs caches */
+    CONNECTION_MEMORY = 32768, /* half of it is what a body comes in; zeroed for each request, so that more costs caches */
     MEMORY_INCREMENT = 8192,
     DROP_BODY_MAX = 65536, /* of a refused request: read, so that the connection survives */
     LINGER_US = 2000000    /* for a client to read an answer sent amid its upload */
