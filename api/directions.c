@@ -179,17 +179,25 @@ static bool are_exact(const struct plan *plan, size_t start, size_t end)
     return good;
 }
 
-/* How many of the first are so, by float32: |v|^2 is right to 3e-7 in it, so that all pass the test above. */
-static size_t count_exact_floats(const struct plan *plan)
+/* Whether n * 4 vectors are so, by float32: |v|^2 is right to 3e-7 in it, so that all pass the test above. */
+static bool are_exact_floats(const struct plan *plan, size_t start, size_t n)
 {
     const float most = (float)(1.5 * exact_within);
-    size_t n = 0;
-    for (; n + 4 <= plan->count; n += 4) {
-        struct columns4 v = triples_at(plan->floats, n);
+    int4 good = {-1, -1, -1, -1};
+    for (size_t i = 0; i < n; i++) {
+        struct columns4 v = triples_at(plan->floats, start + 4 * i);
         float4 off = v.x * v.x + v.y * v.y + v.z * v.z - 1;
-        int4 good = (off <= most) & (off >= -most);
-        if (!(good[0] & good[1] & good[2] & good[3])) break;
+        good &= (off <= most) & (off >= -most);
     }
+    return good[0] & good[1] & good[2] & good[3];
+}
+
+/* How many of the first, at least: by the dozen. */
+static size_t count_exact_floats(const struct plan *plan)
+{
+    enum { GROUPS = 32 };
+    size_t n = 0;
+    while (n + 4 * GROUPS <= plan->count && are_exact_floats(plan, n, GROUPS)) n += 4 * GROUPS;
     return n;
 }
 

@@ -50,7 +50,8 @@ for file in "$tmp"/[0-9]*.*; do
     [ -z "$why" ] || { echo "skip $name: $why"; continue; }
     sed "s|localhost:8080|$host|g" "$file" >"$tmp/program.$language"
     [ "$language" != js ] || mv "$tmp/program.js" "$tmp/program.mjs"
-    said=$(cd "$tmp" && run "$language" "$tmp"/program.* 2>&1 | tr -d '\0') && [[ $said == *1000000* ]] && echo "ok $name" ||
+    begin=$(date +%s%N)
+    said=$(cd "$tmp" && run "$language" "$tmp"/program.* 2>&1 | tr -d '\0') && [[ $said == *1000000* ]] && echo "ok $name in $((($(date +%s%N) - begin) / 1000000)) ms" ||
         { printf '%s\n' "$said" | sed 's/^/  /'; echo "FAIL $name"; failed=1; }
     rm -f "$tmp"/program.*
 done

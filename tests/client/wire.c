@@ -1,7 +1,7 @@
 /*
  * facet_wire - what large evaluations cost over HTTP, against the figures that are promised.
  *
- *   facet_wire --daemon PROGRAM [--rounds N]
+ *   facet_wire --daemon PROGRAM [--rounds N] [--only cost|threads|upload]
  *
  * Processor time of the daemon a direction (1e5 directions, GGX), JSON and float32; wall time of 1e6
  * Beckmann directions with two workers and with one, in turns; memory, and the time until work

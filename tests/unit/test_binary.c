@@ -106,6 +106,32 @@ TEST(every_encoding_gives_the_same_numbers)
     free(json);
 }
 
+/* Among many of length 1: one that is normalised as in JSON, one that is refused by its place. */
+TEST(lengths_of_floats)
+{
+    static float wi[3 * N], wo[3] = {0.6f, 0, 0.8f};
+    static const float factors[] = {1.0005f, 1.01f};
+    struct rng rng;
+    rng_seed(&rng, 9);
+    for (int i = 0; i < 6; i++) {
+        int at = i < 3 ? 200 : 297 + i - 3; /* within four of them, and behind */
+        float factor = factors[i % 2];
+        directions(wi, &rng);
+        for (int k = 0; k < 3; k++) wi[3 * at + k] *= factor;
+        struct form form = form_of(REQUEST ",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12}", wi, wo, 0);
+        char *json = json_of(wi, wo), place[16];
+        struct answer a = ask_form("/v1/eval", &form, NULL), b = ask_post("/v1/eval", json);
+        snprintf(place, sizeof place, "/wi/%d", at);
+        CHECK_INT(a.response.status, i % 2 ? 422 : 200);
+        if (i % 2) CHECK_STR(answer_error(&a, "pointer"), place);
+        CHECK(json_equal(a.json, b.json));
+        answer_clear(&a);
+        answer_clear(&b);
+        form_clear(&form);
+        free(json);
+    }
+}
+
 TEST(floats_where_the_tolerance_lets_them)
 {
     float wi[3 * N], wo[3] = {0, 0, 1};

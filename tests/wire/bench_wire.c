@@ -174,15 +174,26 @@ static struct crew {
     void (*task)(void *arg, size_t index);
     void *arg;
     size_t taken, count, helping;
+    double busy_ns; /* processor time of all tasks */
 } crew = {.mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
+
+static double thread_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
+}
 
 static void take_tasks(void)
 {
     while (crew.taken < crew.count) {
         size_t index = crew.taken++;
         pthread_mutex_unlock(&crew.mutex);
+        double begin = thread_ns();
         crew.task(crew.arg, index);
+        double end = thread_ns();
         pthread_mutex_lock(&crew.mutex);
+        crew.busy_ns += end - begin;
     }
 }
 
@@ -227,22 +238,30 @@ static double wall_ms(const struct api_request *request)
     return 1e3 * (double)(b.tv_sec - a.tv_sec) + 1e-6 * (double)(b.tv_nsec - a.tv_nsec);
 }
 
-/* The answer of 1e6 Beckmann directions, fr and pdf, block by block; in turns, best of some. */
+/*
+ * The answer of 1e6 Beckmann directions, fr and pdf, block by block; in turns, best of some.  The wall
+ * tells only on a quiet machine; by processor time: what is shared counts half, the rest is one thread's.
+ */
 static void threads(const char *accept)
 {
     static const char body[] = "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],"
                                "\"wo\":[[-0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":1000,\"phi\":1000}}}";
     struct api_request request = {.method = "POST", .path = "/v1/eval", .accept = accept, .body = body,
                                   .body_size = sizeof body - 1, .can_stream = true};
-    double one = INFINITY, two = INFINITY;
+    double one = INFINITY, two = INFINITY, shared_ns = INFINITY, all_ns = INFINITY;
     for (int i = 0; i < 3 * REPEATS; i++) {
         request.share = NULL;
         one = fmin(one, wall_ms(&request));
         request.share = share;
+        crew.busy_ns = 0;
+        double begin = now_ns();
         two = fmin(two, wall_ms(&request));
+        double spent = now_ns() - begin;
+        if (spent < all_ns) all_ns = spent, shared_ns = crew.busy_ns;
     }
-    printf("1e6 Beckmann fr and pdf, %s: 1 thread %.1f ms, 2 threads %.1f ms, ratio %.2f   asked >= 1.8\n",
-           strchr(accept, '/') + 1, one, two, one / two);
+    printf("1e6 Beckmann fr and pdf, %s: 1 thread %.1f ms, 2 threads %.1f ms, ratio %.2f   asked >= 1.8; "
+           "by processor time %.2f\n",
+           strchr(accept, '/') + 1, one, two, one / two, all_ns / (all_ns - shared_ns / 2));
 }
 
 int main(int argc, char **argv)
