@@ -7,6 +7,7 @@ import {viridis} from "./numbers.js";
 export const RING = 1.22;       // radius of the picture; 1 is the horizon
 const LIMIT = 89 * Math.PI / 180;
 const DECADES = 4;
+const WINDOW = 48; // pixels of the style sheet
 
 const radiusOf = (theta) => Math.SQRT2 * Math.sin(theta / 2);
 
@@ -57,13 +58,31 @@ export class Disk {
         this.weights = Float32Array.from(weights);
     }
 
-    // values on a grid of cell centres, theta by theta; the colours span four decades below the largest.
-    draw(values, rows, columns, samples, wo) {
+    // The directions of the pixels around one of them: where a lobe is narrower than a cell of the grid.
+    window([theta, phi]) {
+        const n = this.n, r = radiusOf(theta) / RING * n / 2, cx = n / 2 + r * Math.cos(phi), cy = n / 2 - r * Math.sin(phi);
+        const pixels = [], wi = [], half = Math.round(WINDOW / 2 * n / this.size);
+        for (let py = Math.max(0, Math.floor(cy) - half); py < Math.min(n, cy + half); py++) {
+            for (let px = Math.max(0, Math.floor(cx) - half); px < Math.min(n, cx + half); px++) {
+                const x = ((px + 0.5) / n * 2 - 1) * RING, y = (1 - (py + 0.5) / n * 2) * RING, r2 = x * x + y * y;
+                if (r2 >= 0.9999) continue;
+                const s = Math.sqrt(2 - r2); // sin theta = r sqrt(2 - r^2), cos theta = 1 - r^2
+                pixels.push(py * n + px);
+                wi.push(x * s, y * s, 1 - r2);
+            }
+        }
+        return {pixels, wi: Float32Array.from(wi)};
+    }
+
+    // values on a grid of cell centres, theta by theta, and fine: {pixels, values} in their place; the
+    // colours span four decades below the largest, which is at least `least`.
+    draw(values, rows, columns, {samples, wo, fine, least}) {
         this.#prepare(rows, columns);
-        let most = 1e-30;
+        let most = Math.max(1e-30, least);
         for (const v of values) if (v > most) most = v;
         const logs = new Float32Array(values.length), top = Math.log10(most);
-        for (let i = 0; i < logs.length; i++) logs[i] = Math.max(0, 1 + (Math.log10(values[i] + 1e-30) - top) / DECADES);
+        const level = (v) => Math.max(0, 1 + (Math.log10(v + 1e-30) - top) / DECADES);
+        for (let i = 0; i < logs.length; i++) logs[i] = level(values[i]);
         const {data} = this.image, {pixels, cells, weights} = this;
         data.fill(0);
         for (let p = 0; p < pixels.length; p++) {
@@ -72,6 +91,10 @@ export class Disk {
             const color = 3 * Math.min(255, v * 255 | 0), to = 4 * pixels[p];
             data[to] = viridis[color], data[to + 1] = viridis[color + 1], data[to + 2] = viridis[color + 2], data[to + 3] = 255;
         }
+        fine?.pixels.forEach((pixel, p) => {
+            const color = 3 * Math.min(255, level(fine.values[p]) * 255 | 0);
+            data.set(viridis.subarray(color, color + 3), 4 * pixel);
+        });
         this.context.putImageData(this.image, 0, 0);
         this.#overlay(samples, wo);
         return most;

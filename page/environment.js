@@ -21,7 +21,7 @@ function box(direction, width, height, color) {
 }
 
 const studio = (() => {
-    const lights = [box([-0.9, 0.7, 0.8], 0.55, 0.8, [9, 8.6, 8]), box([1, 0.35, 0.3], 0.3, 0.9, [3.2, 3.8, 5]), box([0.1, 1, -0.3], 0.8, 0.4, [4, 4, 4])];
+    const lights = [box([-0.9, 0.7, 0.8], 0.55, 0.8, [5, 4.8, 4.4]), box([1, 0.35, 0.3], 0.3, 0.9, [2, 2.4, 3.2]), box([0.1, 1, -0.3], 0.8, 0.4, [2.4, 2.4, 2.4])];
     return (x, y, z) => {
         const out = mix([0.05, 0.05, 0.055], [0.28, 0.29, 0.32], smooth(-0.4, 0.8, y));
         for (const light of lights) {

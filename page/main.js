@@ -1,6 +1,6 @@
 // main.js - the frame: views, colours, what to say when the daemon is away.
 import {button, el} from "./dom.js";
-import {knowDefaultMetal, materialEditor, settle} from "./material.js";
+import {materialEditor, nameMetals, settle} from "./material.js";
 import {capabilities, events, forgetCapabilities, Problem, setToken, Unreachable} from "./service.js";
 import {changes, currentView, href, read, set, state, wasWrittenHere} from "./state.js";
 
@@ -148,6 +148,5 @@ async function foot() {
 }
 
 paint();
-show();
-foot().catch(() => {});
-knowDefaultMetal().then(() => editor?.update(), () => {});
+show().then(() => foot()).catch(() => {});
+nameMetals().then(() => editor?.update(), () => {});

@@ -228,7 +228,7 @@ export function materialEditor() {
     return node;
 }
 
-// Gold is there before anybody asks: the F0 the page opens with keeps its name.
-export async function knowDefaultMetal() {
-    await metalF0("Au");
+// So that an F0 in an address, and the one the page opens with, has its metal's name.
+export async function nameMetals() {
+    for (const metal of (await capabilities()).metals) await metalF0(metal);
 }

@@ -37,6 +37,13 @@ function planeAngles() {
     return out.sort((a, b) => a - b);
 }
 
+// Where the mean normal reflects wo to: theta and phi.
+function mirrored() {
+    const [sx, sy] = state.material.mean_slope ?? [0, 0], length = Math.hypot(sx, sy, 1), m = [-sx / length, -sy / length, 1 / length];
+    const [wo] = woOf(), d = 2 * (wo[0] * m[0] + wo[1] * m[1] + wo[2] * m[2]), wi = wo.map((x, k) => d * m[k] - x);
+    return [Math.acos(Math.max(-1, Math.min(1, wi[2]))), Math.atan2(wi[1], wi[0])];
+}
+
 const round = (x) => Number(x.toFixed(5));
 
 const planeOf = (ts) => Float32Array.from(ts.flatMap((t) => direction(t, state.phi)));
@@ -117,7 +124,7 @@ export function create({problem}) {
 
     // Written a few times a second while wo moves: text costs a layout, and a screen reader reads it aloud.
     let texts = [];
-    function draw({theta, phi}, ts, slice, pdf, grid, gridShape, samples) {
+    function draw({theta, phi}, ts, {slice, pdf, grid, gridShape, samples, around, fine}) {
         const values = {};
         for (const {name} of OVERLAYS) if (slice.arrays[name]) values[name] = luminance(slice.arrays[name], slice.arrays[name].channels);
         if (pdf) values.pdf = pdf.arrays.pdf;
@@ -134,7 +141,8 @@ export function create({problem}) {
         });
         const wo = angles(theta, phi);
         const peak = disk.draw(luminance(grid.arrays.fr_cos, grid.arrays.fr_cos.channels), gridShape.theta, gridShape.phi,
-            samples && {wi: samples.arrays.wi, weight: samples.arrays.weight}, [wo.theta, wo.phi]);
+            {samples: samples && {wi: samples.arrays.wi, weight: samples.arrays.weight}, wo: [wo.theta, wo.phi], least: Math.max(...values.fr_cos),
+                fine: fine && {pixels: around.pixels, values: luminance(fine.arrays.fr_cos, fine.arrays.fr_cos.channels)}});
         const waste = samples ? `${samples.wasted} of ${samples.count} samples wasted (${short(100 * samples.wasted / samples.count)} %), sampler ${samples.sampler}` : "";
         let best = 0;
         values.fr_cos.forEach((v, i) => { if (v > values.fr_cos[best]) best = i; });
@@ -150,18 +158,20 @@ export function create({problem}) {
             sampler.replaceChildren(...options.map(([v, text]) => el("option", {value: v}, text)));
         sampler.value = chosen;
         sampler.disabled = count.disabled = !samplers.length;
-        const moving = polar.dragging || disk.dragging, fine = !moving && smallestAlpha(state.material) < 0.1;
-        const gridShape = fine ? {theta: 128, phi: 256} : {theta: 64, phi: 128};
+        const moving = polar.dragging || disk.dragging, narrow = smallestAlpha(state.material) < 0.1;
+        const gridShape = narrow && !moving ? {theta: 128, phi: 256} : {theta: 64, phi: 128};
         const seen = {theta: state.theta, phi: state.phi}, ts = planeAngles(), wi = planeOf(ts), r = requests(gridShape, chosen);
-        const [slice, grid, samples, pdf] = await Promise.all([
+        const around = narrow && disk.window(mirrored());
+        const [slice, grid, samples, pdf, fine] = await Promise.all([
             askArrays("v1/eval", r.slice, {wi}),
             askArrays("v1/eval", r.grid),
             state.samples && samplers.length ? askArrays("v1/sample", r.samples) : null,
             state.overlays.includes("pdf") && chosen !== "auto" ? askArrays("v1/pdf", r.pdf, {wi}) : null,
+            around ? askArrays("v1/eval", {...r.slice, outputs: ["fr_cos"]}, {wi: around.wi}) : null,
         ]);
         return () => {
-            draw(seen, ts, slice, pdf, grid, gridShape, samples);
-            note([slice, grid, samples, pdf].filter(Boolean).map((a) => a.ms), moving);
+            draw(seen, ts, {slice, pdf, grid, gridShape, samples, around, fine});
+            note([slice, grid, samples, pdf, fine].filter(Boolean).map((a) => a.ms), moving);
             problem.clear();
             if (!moving) curl.set(curlLines({theta: 64, phi: 128}, samplers.length ? chosen : ""));
         };
