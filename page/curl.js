@@ -33,14 +33,28 @@ export function curlBox() {
         const key = JSON.stringify(lines);
         if (node.key === key) return;
         node.key = key;
-        list.replaceChildren(...lines.map(([what, text]) => {
-            const code = el("code", {}, text);
-            const copy = button("Copy", async () => {
-                copy.textContent = await copied(code) ? "Copied" : "Selected";
-                setTimeout(() => { copy.textContent = "Copy"; }, 1500);
-            }, {"aria-label": `Copy the line: ${what}`});
-            return el("div", {class: "line"}, el("p", {}, what), el("pre", {tabindex: 0, "aria-label": `curl: ${what}`}, code), copy);
-        }));
+        list.replaceChildren(
+            ...lines.map(([what, text]) => {
+                const code = el("code", {}, text);
+                const copy = button(
+                    "Copy",
+                    async () => {
+                        copy.textContent = (await copied(code)) ? "Copied" : "Selected";
+                        setTimeout(() => {
+                            copy.textContent = "Copy";
+                        }, 1500);
+                    },
+                    {"aria-label": `Copy the line: ${what}`},
+                );
+                return el(
+                    "div",
+                    {class: "line"},
+                    el("p", {}, what),
+                    el("pre", {tabindex: 0, "aria-label": `curl: ${what}`}, code),
+                    copy,
+                );
+            }),
+        );
     };
     return node;
 }

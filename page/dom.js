@@ -29,9 +29,13 @@ export function unique(prefix) {
 // A select of [value, label] pairs or of groups {label, options}.
 export function select(options, value, onchange, attributes = {}) {
     const option = ([v, label]) => el("option", {value: v, selected: v === value}, label);
-    const node = el("select", {...attributes, onchange: () => onchange(node.value)},
-        options.map((entry) => Array.isArray(entry) ? option(entry)
-            : el("optgroup", {label: entry.label}, entry.options.map(option))));
+    const node = el(
+        "select",
+        {...attributes, onchange: () => onchange(node.value)},
+        options.map((entry) =>
+            Array.isArray(entry) ? option(entry) : el("optgroup", {label: entry.label}, entry.options.map(option)),
+        ),
+    );
     return node;
 }
 
@@ -50,10 +54,16 @@ export function field(label, control, hint) {
 
 // A slider and a number input that move together.  scale: "log" or "linear"; both show real values.
 export function slider({label, min, max, value, scale = "linear", digits = 3, step, onchange}) {
-    const up = scale === "log" ? Math.log10 : (x) => x, down = scale === "log" ? (x) => 10 ** x : (x) => x;
+    const up = scale === "log" ? Math.log10 : (x) => x,
+        down = scale === "log" ? (x) => 10 ** x : (x) => x;
     const show = (x) => String(Number(x.toPrecision(digits)));
-    const range = el("input", {type: "range", min: up(min), max: up(max),
-        step: step ?? (up(max) - up(min)) / 400, "aria-label": `${label}, slider`});
+    const range = el("input", {
+        type: "range",
+        min: up(min),
+        max: up(max),
+        step: step ?? (up(max) - up(min)) / 400,
+        "aria-label": `${label}, slider`,
+    });
     const number = el("input", {type: "number", min, max, step: "any", inputmode: "decimal"});
     const set = (x) => {
         range.value = up(Math.max(x, min));
@@ -72,7 +82,9 @@ export function slider({label, min, max, value, scale = "linear", digits = 3, st
         range.value = up(x);
         onchange(x);
     });
-    number.addEventListener("blur", () => { number.value = show(Number(number.value)); });
+    number.addEventListener("blur", () => {
+        number.value = show(Number(number.value));
+    });
     set(value);
     const node = el("div", {class: "slider"}, field(label, number), range);
     node.set = set;
@@ -92,16 +104,45 @@ export function button(label, onclick, attributes = {}) {
 
 // What a view is about, for who sees such a thing for the first time.
 export function explain(...paragraphs) {
-    return el("details", {class: "card explain"}, el("summary", {}, "What is this?"), paragraphs.map((text) => el("p", {}, text)));
+    return el(
+        "details",
+        {class: "card explain"},
+        el("summary", {}, "What is this?"),
+        paragraphs.map((text) => el("p", {}, text)),
+    );
 }
 
 // A table: head of texts, rows of cells (text, node, or number already formatted).
 export function table(caption, head, rows, attributes = {}) {
-    return el("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": caption},
-        el("table", attributes, el("caption", {}, caption),
-            el("thead", {}, el("tr", {}, head.map((text) => el("th", {scope: "col"}, text)))),
-            el("tbody", {}, rows.map((row) => el("tr", {class: row.className},
-                (row.cells ?? row).map((cell, i) => i ? el("td", {}, cell) : el("th", {scope: "row"}, cell)))))));
+    return el(
+        "div",
+        {class: "scroll", tabindex: 0, role: "region", "aria-label": caption},
+        el(
+            "table",
+            attributes,
+            el("caption", {}, caption),
+            el(
+                "thead",
+                {},
+                el(
+                    "tr",
+                    {},
+                    head.map((text) => el("th", {scope: "col"}, text)),
+                ),
+            ),
+            el(
+                "tbody",
+                {},
+                rows.map((row) =>
+                    el(
+                        "tr",
+                        {class: row.className},
+                        (row.cells ?? row).map((cell, i) => (i ? el("td", {}, cell) : el("th", {scope: "row"}, cell))),
+                    ),
+                ),
+            ),
+        ),
+    );
 }
 
 // A place that drops and clicks take a file from.
@@ -134,8 +175,14 @@ export function draggable(node, {move, step, start, end}) {
         if (node.hasPointerCapture(event.pointerId)) move(event);
     });
     node.addEventListener("lostpointercapture", () => end?.());
-    const keys = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
-        PageUp: [0, 10], PageDown: [0, -10]};
+    const keys = {
+        ArrowLeft: [-1, 0],
+        ArrowRight: [1, 0],
+        ArrowUp: [0, 1],
+        ArrowDown: [0, -1],
+        PageUp: [0, 10],
+        PageDown: [0, -10],
+    };
     node.addEventListener("keydown", (event) => {
         const by = keys[event.key];
         if (!by) return;

@@ -1,6 +1,6 @@
 // main.js - the frame: views, colours, what to say when the daemon is away.
 import {button, el} from "./dom.js";
-import {knowDefaultMetal, materialEditor, settle} from "./material.js";
+import {materialEditor, nameMetals, settle} from "./material.js";
 import {capabilities, events, forgetCapabilities, Problem, setToken, Unreachable} from "./service.js";
 import {changes, currentView, href, read, set, state, wasWrittenHere} from "./state.js";
 
@@ -13,24 +13,35 @@ const VIEWS = {
 };
 const names = Object.keys(VIEWS);
 const at = (id) => document.getElementById(id);
-const controls = at("controls"), stage = at("stage"), notice = at("notice");
+const controls = at("controls"),
+    stage = at("stage"),
+    notice = at("notice");
 
 // ---- What goes wrong ------------------------------------------------------------------------------
 
 function problemBox() {
     const node = el("div", {class: "problem", role: "alert"});
     node.hidden = true;
-    return {node,
+    return {
+        node,
         show(error) {
             if (error.name === "AbortError" || error instanceof Unreachable) return; // the notice says it
             if (!(error instanceof Problem)) console.error(error);
             node.hidden = false;
-            node.replaceChildren(el("strong", {}, error instanceof Problem ? `The service refuses this (${error.status}). ` : "This page failed. "), error.message);
+            node.replaceChildren(
+                el(
+                    "strong",
+                    {},
+                    error instanceof Problem ? `The service refuses this (${error.status}). ` : "This page failed. ",
+                ),
+                error.message,
+            );
         },
         clear() {
             node.hidden = true;
             node.replaceChildren();
-        }};
+        },
+    };
 }
 
 function say(...content) {
@@ -38,7 +49,12 @@ function say(...content) {
     notice.replaceChildren(...content);
 }
 
-events.addEventListener("lost", () => say(el("strong", {}, "facetd does not answer. "), "What you see is from before; it goes on by itself when the daemon is back."));
+events.addEventListener("lost", () =>
+    say(
+        el("strong", {}, "facetd does not answer. "),
+        "What you see is from before; it goes on by itself when the daemon is back.",
+    ),
+);
 events.addEventListener("back", () => {
     say();
     forgetCapabilities();
@@ -47,13 +63,24 @@ events.addEventListener("back", () => {
 events.addEventListener("token", () => {
     if (notice.querySelector("input")) return;
     const input = el("input", {type: "password", autocomplete: "off", "aria-label": "Token"});
-    say(el("form", {onsubmit: (event) => {
-        event.preventDefault();
-        setToken(input.value);
-        say();
-        forgetCapabilities();
-        refresh();
-    }}, el("strong", {}, "This daemon asks for its token. "), input, " ", el("button", {}, "Use it")));
+    say(
+        el(
+            "form",
+            {
+                onsubmit: (event) => {
+                    event.preventDefault();
+                    setToken(input.value);
+                    say();
+                    forgetCapabilities();
+                    refresh();
+                },
+            },
+            el("strong", {}, "This daemon asks for its token. "),
+            input,
+            " ",
+            el("button", {}, "Use it"),
+        ),
+    );
 });
 
 // ---- Views ------------------------------------------------------------------------------------------
@@ -63,7 +90,8 @@ let editor;
 
 async function open(name) {
     if (!opened[name]) {
-        const module = await VIEWS[name].load(), problem = problemBox();
+        const module = await VIEWS[name].load(),
+            problem = problemBox();
         opened[name] = {module, problem, ...module.create({problem, go})};
     }
     return opened[name];
@@ -75,7 +103,8 @@ function go(name, members) {
 }
 
 async function refresh(changed) {
-    const name = currentView(), view = await open(name);
+    const name = currentView(),
+        view = await open(name);
     if (name !== currentView()) return;
     editor ??= materialEditor();
     if (!changed) editor.update();
@@ -87,10 +116,13 @@ async function refresh(changed) {
 }
 
 async function show() {
-    const bad = read(names), name = currentView();
+    const bad = read(names),
+        name = currentView();
     try {
         state.material = await settle(state.material);
-    } catch { /* the view says what is wrong with it */ }
+    } catch {
+        /* the view says what is wrong with it */
+    }
     const view = await open(name);
     if (name !== currentView()) return;
     for (const [key, other] of Object.entries(opened)) if (key !== name) other.stop?.();
@@ -113,14 +145,31 @@ at("jump").addEventListener("click", () => {
 });
 
 function links() {
-    at("views").replaceChildren(el("ul", {}, names.map((name) => el("li", {},
-        el("a", {href: href(name), "aria-current": name === currentView() ? "page" : undefined}, VIEWS[name].title)))));
+    at("views").replaceChildren(
+        el(
+            "ul",
+            {},
+            names.map((name) =>
+                el(
+                    "li",
+                    {},
+                    el(
+                        "a",
+                        {href: href(name), "aria-current": name === currentView() ? "page" : undefined},
+                        VIEWS[name].title,
+                    ),
+                ),
+            ),
+        ),
+    );
 }
 
 changes.addEventListener("change", (event) => refresh(event.detail));
 changes.addEventListener("written", () => {
     // The links carry the state along; their focus stays.
-    at("views").querySelectorAll("a").forEach((a, i) => a.setAttribute("href", href(names[i])));
+    at("views")
+        .querySelectorAll("a")
+        .forEach((a, i) => a.setAttribute("href", href(names[i])));
 });
 window.addEventListener("hashchange", () => wasWrittenHere() || show());
 
@@ -143,11 +192,22 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => refr
 
 async function foot() {
     const {isa, models} = await capabilities();
-    at("foot").replaceChildren(el("p", {}, `Computed by this daemon (${isa}): ${models.map((m) => m.ndf).join(", ")}. `,
-        el("a", {href: "v1/openapi.json"}, "The API as OpenAPI"), " · ", el("a", {href: "v1/capabilities"}, "what it promises and costs")));
+    at("foot").replaceChildren(
+        el(
+            "p",
+            {},
+            `Computed by this daemon (${isa}): ${models.map((m) => m.ndf).join(", ")}. `,
+            el("a", {href: "v1/openapi.json"}, "The API as OpenAPI"),
+            " · ",
+            el("a", {href: "v1/capabilities"}, "what it promises and costs"),
+        ),
+    );
 }
 
 paint();
 show();
 foot().catch(() => {});
-knowDefaultMetal().then(() => editor?.update(), () => {});
+nameMetals().then(
+    () => editor?.update(),
+    () => {},
+);

@@ -12,8 +12,9 @@ export function short(x, digits = 3) {
     const size = Math.abs(x);
     if (!Number.isFinite(x)) return x > 0 ? "∞" : "−∞";
     if (size >= 1e-3 && size < 1e5) return String(Number(x.toPrecision(digits))).replace("-", "−");
-    let e = Math.floor(Math.log10(size)), mantissa = (x / 10 ** e).toPrecision(Math.min(digits, 2));
-    if (Math.abs(Number(mantissa)) === 10) mantissa = "1", e++;
+    let e = Math.floor(Math.log10(size)),
+        mantissa = (x / 10 ** e).toPrecision(Math.min(digits, 2));
+    if (Math.abs(Number(mantissa)) === 10) ((mantissa = "1"), e++);
     mantissa = String(Number(mantissa)).replace("-", "−");
     return mantissa === "1" ? power(e) : `${mantissa}·${power(e)}`;
 }
@@ -49,9 +50,12 @@ const VIRIDIS = [0x440154, 0x482878, 0x3e4989, 0x31688e, 0x26828e, 0x1f9e89, 0x3
 export const viridis = (() => {
     const out = new Uint8ClampedArray(3 * 256);
     for (let i = 0; i < 256; i++) {
-        const x = i / 255 * (VIRIDIS.length - 1), k = Math.min(Math.floor(x), VIRIDIS.length - 2), f = x - k;
+        const x = (i / 255) * (VIRIDIS.length - 1),
+            k = Math.min(Math.floor(x), VIRIDIS.length - 2),
+            f = x - k;
         for (let c = 0; c < 3; c++) {
-            const a = VIRIDIS[k] >> (16 - 8 * c) & 255, b = VIRIDIS[k + 1] >> (16 - 8 * c) & 255;
+            const a = (VIRIDIS[k] >> (16 - 8 * c)) & 255,
+                b = (VIRIDIS[k + 1] >> (16 - 8 * c)) & 255;
             out[3 * i + c] = a + f * (b - a);
         }
     }

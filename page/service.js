@@ -30,7 +30,9 @@ async function waitUntilBack() {
         try {
             const answer = await fetch("healthz", {cache: "no-store"});
             if (answer.ok) reachable = true;
-        } catch { /* still gone */ }
+        } catch {
+            /* still gone */
+        }
     }
     events.dispatchEvent(new Event("back"));
 }
@@ -52,12 +54,15 @@ function refusal(status, text) {
     let problem = {};
     try {
         problem = JSON.parse(text);
-    } catch { /* a proxy's page */ }
+    } catch {
+        /* a proxy's page */
+    }
     if (status === 401) events.dispatchEvent(new Event("token"));
     return new Problem(status, problem);
 }
 
-const BUSY = [429, 503], PATIENCE = 3;
+const BUSY = [429, 503],
+    PATIENCE = 3;
 
 async function send(path, init) {
     let began, answer, body;
@@ -85,10 +90,18 @@ export async function get(path) {
 
 // {answer, size in bytes of the text, wire: bytes that travelled, ms}
 export async function ask(path, request, signal) {
-    const {answer, body, ms} = await send(path, {method: "POST", body: JSON.stringify(request), signal,
-        headers: {"Content-Type": "application/json", Accept: "application/json"}});
-    return {answer: JSON.parse(new TextDecoder().decode(body)), size: body.byteLength,
-        wire: Number(answer.headers.get("Content-Length")) || body.byteLength, ms};
+    const {answer, body, ms} = await send(path, {
+        method: "POST",
+        body: JSON.stringify(request),
+        signal,
+        headers: {"Content-Type": "application/json", Accept: "application/json"},
+    });
+    return {
+        answer: JSON.parse(new TextDecoder().decode(body)),
+        size: body.byteLength,
+        wire: Number(answer.headers.get("Content-Length")) || body.byteLength,
+        ms,
+    };
 }
 
 const ARRAYS = {"<f4": Float32Array, "<f8": Float64Array};
@@ -97,7 +110,9 @@ function unpack(layout, body) {
     const arrays = {};
     let at = 0;
     for (const {name, dtype, shape} of layout) {
-        const Type = ARRAYS[dtype], count = shape.reduce((a, b) => a * b, 1), size = count * Type.BYTES_PER_ELEMENT;
+        const Type = ARRAYS[dtype],
+            count = shape.reduce((a, b) => a * b, 1),
+            size = count * Type.BYTES_PER_ELEMENT;
         // A copy where the offset does not suit the type.
         arrays[name] = at % Type.BYTES_PER_ELEMENT ? new Type(body.slice(at, at + size)) : new Type(body, at, count);
         arrays[name].channels = shape.length > 1 ? shape[shape.length - 1] : 1;
@@ -108,15 +123,23 @@ function unpack(layout, body) {
 
 // FormData would need a Blob for each array, and a Blob a message to another process.
 function multipart(request, parts) {
-    const boundary = `facet${Math.random().toString(36).slice(2)}${Math.random().toString(36).slice(2)}`, text = new TextEncoder();
-    const pieces = [text.encode(`--${boundary}\r\nContent-Disposition: form-data; name="request"\r\n\r\n${request}\r\n`)];
+    const boundary = `facet${Math.random().toString(36).slice(2)}${Math.random().toString(36).slice(2)}`,
+        text = new TextEncoder();
+    const pieces = [
+        text.encode(`--${boundary}\r\nContent-Disposition: form-data; name="request"\r\n\r\n${request}\r\n`),
+    ];
     for (const [name, array] of Object.entries(parts))
-        pieces.push(text.encode(`--${boundary}\r\nContent-Disposition: form-data; name="${name}"\r\nContent-Type: application/octet-stream\r\n\r\n`),
-            new Uint8Array(array.buffer, array.byteOffset, array.byteLength), text.encode("\r\n"));
+        pieces.push(
+            text.encode(
+                `--${boundary}\r\nContent-Disposition: form-data; name="${name}"\r\nContent-Type: application/octet-stream\r\n\r\n`,
+            ),
+            new Uint8Array(array.buffer, array.byteOffset, array.byteLength),
+            text.encode("\r\n"),
+        );
     pieces.push(text.encode(`--${boundary}--\r\n`));
     const body = new Uint8Array(pieces.reduce((sum, piece) => sum + piece.length, 0));
     let at = 0;
-    for (const piece of pieces) body.set(piece, at), at += piece.length;
+    for (const piece of pieces) (body.set(piece, at), (at += piece.length));
     return {body, type: `multipart/form-data; boundary=${boundary}`};
 }
 
@@ -132,14 +155,19 @@ export async function askArrays(path, request, parts, signal) {
         headers["Content-Type"] = "application/json";
     }
     const {answer, body: bytes, ms} = await send(path, {method: "POST", body, headers, signal});
-    return {...JSON.parse(answer.headers.get("Facet-Answer")), ms, size: bytes.byteLength,
-        arrays: unpack(JSON.parse(answer.headers.get("Facet-Layout")), bytes)};
+    return {
+        ...JSON.parse(answer.headers.get("Facet-Answer")),
+        ms,
+        size: bytes.byteLength,
+        arrays: unpack(JSON.parse(answer.headers.get("Facet-Layout")), bytes),
+    };
 }
 
 // Sends a file; fetch tells nothing of an upload's progress, so the older interface does it.
 export function upload(path, file, {accept = "application/json", progress, signal} = {}) {
     return new Promise((resolve, reject) => {
-        const began = performance.now(), xhr = new XMLHttpRequest();
+        const began = performance.now(),
+            xhr = new XMLHttpRequest();
         xhr.open("POST", path);
         xhr.responseType = "arraybuffer";
         xhr.setRequestHeader("Accept", accept);
@@ -149,8 +177,13 @@ export function upload(path, file, {accept = "application/json", progress, signa
         xhr.onload = () => {
             if (xhr.status !== 200) return reject(refusal(xhr.status, new TextDecoder().decode(xhr.response)));
             const type = xhr.getResponseHeader("Content-Type");
-            resolve({body: xhr.response, type, ms: performance.now() - began, header: (name) => xhr.getResponseHeader(name),
-                json: () => JSON.parse(new TextDecoder().decode(xhr.response))});
+            resolve({
+                body: xhr.response,
+                type,
+                ms: performance.now() - began,
+                header: (name) => xhr.getResponseHeader(name),
+                json: () => JSON.parse(new TextDecoder().decode(xhr.response)),
+            });
         };
         xhr.onerror = () => reject(lost());
         xhr.onabort = () => reject(new DOMException("given up", "AbortError"));
@@ -162,10 +195,10 @@ export function upload(path, file, {accept = "application/json", progress, signa
 let once;
 // What the daemon offers: asked once, again after it was away.
 export function capabilities() {
-    return once ??= get("v1/capabilities").catch((error) => {
+    return (once ??= get("v1/capabilities").catch((error) => {
         once = undefined;
         throw error;
-    });
+    }));
 }
 export function forgetCapabilities() {
     once = undefined;

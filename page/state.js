@@ -3,13 +3,13 @@
 
 const DEFAULTS = {
     material: {ndf: "ggx", alpha: 0.3, fresnel: {schlick: {f0: [0.942, 0.704, 0.404]}}},
-    theta: -0.7,           // of wo in the plane of incidence, signed
-    phi: 0,                // azimuth of that plane
+    theta: -0.7, // of wo in the plane of incidence, signed
+    phi: 0, // azimuth of that plane
     sampler: "auto",
     samples: 512,
     seed: 1,
     overlays: ["fr_cos", "pdf"],
-    log: false,            // polar plot in decades
+    log: false, // polar plot in decades
     tolerance: 1e-3,
     environment: "studio",
     surface: "sphere",
@@ -25,14 +25,20 @@ export const changes = new EventTarget(); // "change": detail names the members
 
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
-let view = "lobe", timer = 0, written = "";
+let view = "lobe",
+    timer = 0,
+    written = "";
 export function currentView() {
     return view;
 }
 
 export function href(name) {
-    const parts = Object.keys(DEFAULTS).filter((key) => !same(state[key], DEFAULTS[key]))
-        .map((key) => `${key}=${encodeURIComponent(typeof state[key] === "string" ? state[key] : JSON.stringify(state[key]))}`);
+    const parts = Object.keys(DEFAULTS)
+        .filter((key) => !same(state[key], DEFAULTS[key]))
+        .map(
+            (key) =>
+                `${key}=${encodeURIComponent(typeof state[key] === "string" ? state[key] : JSON.stringify(state[key]))}`,
+        );
     return `#/${name}${parts.length ? "?" + parts.join("&") : ""}`;
 }
 
@@ -57,7 +63,9 @@ export function set(members) {
 function parse(key, text) {
     if (typeof DEFAULTS[key] === "string") return text;
     const value = JSON.parse(text);
-    const fits = DEFAULTS[key] === null || (typeof value === typeof DEFAULTS[key] && Array.isArray(value) === Array.isArray(DEFAULTS[key]));
+    const fits =
+        DEFAULTS[key] === null ||
+        (typeof value === typeof DEFAULTS[key] && Array.isArray(value) === Array.isArray(DEFAULTS[key]));
     if (!fits || (typeof value === "number" && !Number.isFinite(value))) throw new Error(key);
     return value;
 }

@@ -15,6 +15,6 @@ setpriv --pdeathsig TERM -- "$1" --port "$2" | {
         body='{"material":{"ndf":"ggx","alpha":0.3},"wi":[[0.6,0,0.8]],"wo":[[-0.6,0,0.8]]}'
         printf "\ncurl -s %s/v1/eval -d '%s'\n" "$url" "$body"
         curl -sS --max-time 10 "$url/v1/eval" -d "$body"
-        printf '\nCtrl-C ends it.\n'
+        printf '\nSee it in a browser: %s/\nCtrl-C ends it.\n' "$url"
     done
 }

@@ -10,6 +10,7 @@
 #define HEALTHZ "/healthz" /* the API's */
 #define READYZ "/readyz"
 #define METRICS "/metrics"
+#define PAGE "/" /* all its files have one count */
 
 /* The static string, NULL if the daemon itself serves nothing there. */
 static const char *own_path(const char *path)
@@ -31,8 +32,7 @@ struct api_route site_lookup(enum site site, const char *method, const char *pat
     const char *own = own_path(path);
     if (own) return (struct api_route){.found = reads(method), .path = own};
     if (site == SITE_ADMIN && strcmp(path, HEALTHZ)) return (struct api_route){0};
-    const struct page_file *file = page_find(path);
-    if (file) return (struct api_route){.found = reads(method), .path = file->path};
+    if (page_find(path)) return (struct api_route){.found = reads(method), .path = PAGE};
     return api_lookup(method, path, content_type);
 }
 

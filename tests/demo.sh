@@ -79,6 +79,8 @@ ask '"status"' /healthz
 ask '"tiers"' /v1/capabilities
 ask '"openapi":"3\.1' /v1/openapi.json
 
+ask '<!doctype html>' /
+
 echo; echo "== evaluate, density, samples"
 # D = 1 / (pi alpha^2), G = 1 / sqrt(1 + alpha^2 tan^2), f = D G / (4 cos cos), at the normal: h = n.
 exact=$(awk 'BEGIN {a2 = .09; pi = atan2(0, -1); printf "%.17g", 1 / (pi * a2) / sqrt(1 + a2 * .5625) / (4 * .64)}')

@@ -50,7 +50,7 @@ tests/texts.sh promises prints the table README should have"
 # 2. every path in backticks exists, be it whole, a pattern, or one of its <placeholders>
 for text in README.md CONTRIBUTING.md lib/NOTATION.md; do
     missing=
-    for path in $(grep -oE '`(api|lib|server|tests|\.ci)/[^` ]*`' "$text" | tr -d '`' | sort -u); do
+    for path in $(grep -oE '`(api|lib|server|tests|page|\.ci)/[^` ]*`' "$text" | tr -d '`' | sort -u); do
         pattern=$(sed 's/<[^>]*>/*/g' <<<"$path")
         compgen -G "$pattern" >/dev/null || missing+="$text names $path, which is not there"$'\n'
     done

@@ -16,7 +16,9 @@ export class Daemon {
     }
     // On the port it had before, if it had one.
     async start(...flags) {
-        this.child = spawn(this.program, ["--port", String(this.port), "--log", "none", ...flags], {stdio: ["ignore", "pipe", "inherit"]});
+        this.child = spawn(this.program, ["--port", String(this.port), "--log", "none", ...flags], {
+            stdio: ["ignore", "pipe", "inherit"],
+        });
         const line = await new Promise((resolve, reject) => {
             this.child.stdout.once("data", (data) => resolve(String(data)));
             this.child.once("exit", (code) => reject(new Error(`facetd ended with ${code}`)));
@@ -63,7 +65,13 @@ export const shot = (page, name) => page.screenshot({path: `${SHOTS}/${name}.png
 export async function accessible(page, name) {
     await page.evaluate(AXE);
     const {violations} = await page.evaluate(() => window.axe.run(document, {resultTypes: ["violations"]}));
-    check(`${name} axe`, !violations.length, violations.flatMap((v) => v.nodes.slice(0, 3).map((n) => `${v.id}: ${v.help}: ${n.html.slice(0, 160)}`)).join("\n  "));
+    check(
+        `${name} axe`,
+        !violations.length,
+        violations
+            .flatMap((v) => v.nodes.slice(0, 3).map((n) => `${v.id}: ${v.help}: ${n.html.slice(0, 160)}`))
+            .join("\n  "),
+    );
 }
 
 export async function fitsWidth(page, name) {
@@ -74,6 +82,10 @@ export async function fitsWidth(page, name) {
 // Runs a curl line of the page as a shell would; files named there lie in `directory`.
 export async function runCurl(page, index, directory = SHOTS) {
     const text = await page.locator(".curl code").nth(index).textContent();
-    const {stdout} = await promisify(execFile)("bash", ["-c", text], {cwd: directory, maxBuffer: 1 << 28, encoding: "buffer"});
+    const {stdout} = await promisify(execFile)("bash", ["-c", text], {
+        cwd: directory,
+        maxBuffer: 1 << 28,
+        encoding: "buffer",
+    });
     return stdout;
 }

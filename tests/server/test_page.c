@@ -103,6 +103,18 @@ TEST(head_is_the_page_without_its_bytes)
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 
+TEST(all_files_of_the_page_have_one_count)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    CHECK_INT(status_of(&daemon, "GET", "/", ""), 200);
+    CHECK_INT(status_of(&daemon, "GET", "/page/main.js", ""), 200);
+    CHECK_INT(status_of(&daemon, "GET", "/metrics", ""), 200);
+    CHECK(strstr(answer.body, "facetd_requests_total{path=\"/\",code=\"200\"} 2\n"));
+    CHECK(!strstr(answer.body, "/page/"));
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
 TEST(the_page_is_only_read)
 {
     struct daemon daemon;
