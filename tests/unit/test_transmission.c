@@ -367,6 +367,51 @@ TEST(samples_agree_with_the_furnace)
         }
 }
 
+/* Rough and smooth, straight and grazing, from either side: a normal reflects with probability F, and pdf is eval's. */
+static void check_lobes(const facet_material *m, const double wo_[3], unsigned long long seed)
+{
+    enum { N = 400 };
+    static double u[3][N], o[3][N], i[3][N], h[3][N], pdf[N], again[N];
+    facet_bsdf *bsdf = open_bsdf(m, FACET_IMPORTANCE);
+    struct rng rng;
+    rng_seed(&rng, seed);
+    for (int k = 0; k < N; k++)
+        for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng), o[j][k] = wo_[j];
+    facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
+    facet_samples samples = {.wi = {i[0], i[1], i[2]}, .h = {h[0], h[1], h[2]}, .pdf = pdf};
+    facet_outputs outputs = {.of = {[FACET_PDF] = {again}}};
+    CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], N, &samples), FACET_OK);
+    CHECK_INT(facet_bsdf_eval(bsdf, to, from, N, &outputs), FACET_OK);
+    double n = wo_[2] < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0], sum = 0, spread = 1e-9;
+    double least = facet_roughness_to_ellipse(&m->roughness).alpha_2;
+    for (int k = 0; k < N; k++) {
+        double c = 0, d = 0, normal[3] = {h[0][k], h[1][k], h[2][k]};
+        for (int j = 0; j < 3; j++) c += o[j][k] * normal[j], d += i[j][k] * normal[j];
+        struct split x = split_at(m, wo_, 0, n, fabs(c), normal, normal);
+        sum += (c * d > 0) - x.F;
+        spread += x.F * (1 - x.F);
+        /* A rounded wi moves the slope of h by 1e-16/|n - 1|, over alpha. */
+        CHECK_REL(pdf[k], again[k], 1e-13 / fabs(n - 1) / (least * fabs(c)), 1e-12);
+    }
+    check_note("sigmas", fabs(sum) / sqrt(spread));
+    CHECK(fabs(sum) < 4.5 * sqrt(spread) + 1e-6);
+    facet_bsdf_destroy(bsdf);
+}
+
+TEST(normals_reflect_with_probability_f)
+{
+    static const double alphas[] = {1e-3, 0.1, 4}, degrees[] = {0, 30, 60, 85, 89.9};
+    static const facet_roughness shapes[] = {{1, 1, 0, 0, 0}, {1, 0.4, 0.7, 0, 0}, {0.7, 1, 0, 0.3, -0.2}};
+    for (size_t k = 0; k < 3 * 3 * 5 * 4; k++) {
+        facet_roughness r = shapes[k % 3];
+        double alpha = alphas[k / 3 % 3], theta = degrees[k / 9 % 5] * pi / 180, side = k / 45 % 2 ? -1 : 1;
+        r.alpha_x *= alpha, r.alpha_y *= alpha, r.slope_x *= alpha, r.slope_y *= alpha;
+        facet_material m = glass(k / 90 ? FACET_BECKMANN : FACET_GGX, r, k % 2 ? 1.5 : 0.8, FACET_SMITH);
+        const double wo[3] = {side * sin(theta) * 0.6, side * sin(theta) * 0.8, side * cos(theta)};
+        check_lobes(&m, wo, k);
+    }
+}
+
 static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
 {
     enum { N = 16 };
