@@ -56,7 +56,7 @@ static bool is_absent(const struct field *field, const void *object)
     case FIELD_INTEGER:
         return *(const int64_t *)at == -1;
     case FIELD_BOOL:
-        return field->presence == FIELD_DEFAULT && !*(const bool *)at;
+        return field->presence == FIELD_DEFAULT && *(const bool *)at == (field->initial != 0);
     case FIELD_ENUM:
     case FIELD_UNION:
         return *(const int *)at < 0;

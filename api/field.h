@@ -22,7 +22,7 @@ enum field_type {
     FIELD_END,     /* ends a table */
     FIELD_NUMBER,  /* double; absent NaN */
     FIELD_INTEGER, /* int64_t; absent -1 */
-    FIELD_BOOL,    /* bool; absent false, printed where it has no default */
+    FIELD_BOOL,    /* bool; absent false, printed but where it is the default */
     FIELD_ENUM,    /* int, index into names; absent -1.  JSON true means the name "true" */
     FIELD_SET,     /* uint32_t, a bit per name; absent 0 */
     FIELD_TEXT,    /* const char *; absent NULL */

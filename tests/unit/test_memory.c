@@ -241,3 +241,26 @@ TEST(a_failed_allocation_in_a_fit)
     for (long n = 0; n < 5000 && fail_in_fit(csv, "model=ggx&export=gltf", NULL, n); n += 1 + n / 40)
         check_note("allocations", (double)n);
 }
+
+/* Both sides of a surface. */
+TEST(a_failed_allocation_in_transmission)
+{
+    static const char *const requests[][2] = {
+        {"/v1/albedo", "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
+                       "\"wo\":[[0,0,1],[0,0.6,-0.8]],\"tolerance\":0.01}"},
+        {"/v1/sample", "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
+                       "\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"u_lobe\":[0.5],\"outputs\":[\"wi\"]}"},
+    };
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    for (size_t k = 0; k < sizeof requests / sizeof *requests; k++) {
+        struct form form = {0};
+        long n = 0;
+        form_add_text(&form, "request", requests[k][1]);
+        form_end(&form);
+        while (n < 5000 && fail_in_form(requests[k][0], &form, "application/json", n)) n++;
+        CHECK(n > 1);
+        check_note(requests[k][0], (double)n);
+        form_clear(&form);
+    }
+}

