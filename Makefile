@@ -43,8 +43,9 @@ ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
 KFLAGS := -O1 -ffp-contract=off -fno-math-errno
 ISAS   := $(filter-out avx2 avx512,$(ISAS))
 endif
-# A kernel shares nothing: threads have nothing to find in it, and instrumented vectors take minutes to compile.
-KERNEL_VFLAGS := $(if $(filter tsan,$(VARIANT)),,$(VFLAGS))
+# A kernel shares nothing and gets no bytes of a client's: threads and fuzzers have nothing to find in it, and
+# instrumented vectors take minutes to compile.
+KERNEL_VFLAGS := $(if $(filter tsan fuzz,$(VARIANT)),,$(VFLAGS))
 KERNELS := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(B)/lib/kernel/$k-$f-$i.o)))
 
 # ---- layers: what each may include and link -------------------------------------

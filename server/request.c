@@ -76,7 +76,7 @@ void request_clear(struct request *request, struct body_budget *budget)
     free(request->target);
     free(request->block);
     api_response_clear(&request->response);
-    memset(request, 0, sizeof *request);
+    memset(request, 0, offsetof(struct request, response)); /* the rest is clear */
 }
 
 static bool is_harmless(const char *id)

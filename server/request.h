@@ -37,7 +37,6 @@ struct request {
     char *body;
     size_t body_size, body_capacity;
     size_t body_expected; /* Content-Length; 0 if unknown */
-    struct api_response response;
     /* Of a response.stream: bytes taken .. size of the block are still to be sent. */
     char *block;
     size_t block_size, block_taken, streamed;
@@ -49,6 +48,7 @@ struct request {
     atomic_bool gone; /* the client left: nobody wants the answer */
     int64_t deadline_us;
     int64_t started_us, received_us, began_us, done_us;
+    struct api_response response; /* last, as its headers are */
 };
 
 /* Memory of all bodies together: a request that would pass `max` is refused. */
