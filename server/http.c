@@ -90,8 +90,13 @@ int http_timeout_ms(const struct http *http)
 
 void http_turn(struct http *http)
 {
+    enum { UPLOAD_RUNS = 8 }; /* more of an upload is there, as a rule: look before polling again */
     http->now_us = clock_us();
-    MHD_run(http->daemon);
+    for (int i = 0; i < UPLOAD_RUNS; i++) {
+        http->received = false;
+        MHD_run(http->daemon);
+        if (!http->received) break;
+    }
 }
 
 bool http_is_full(const struct http *http)

@@ -36,6 +36,7 @@ struct request {
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;
+    size_t body_held;     /* of the budget */
     size_t body_expected; /* Content-Length; 0 if unknown */
     /* Of a response.stream: bytes taken .. size of the block are still to be sent. */
     char *block;
@@ -51,7 +52,7 @@ struct request {
     struct api_response response; /* last, as its headers are */
 };
 
-/* Memory of all bodies together: a request that would pass `max` is refused. */
+/* Bytes of all bodies together: a request that would pass `max` is refused. */
 struct body_budget {
     size_t used, max;
 };
