@@ -21,6 +21,7 @@ debug   := -O0
 asan    := -O1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 tsan    := -O1 -fsanitize=thread
 fuzz    := -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
+RELEASE_CC := $(CC)
 ifneq ($(filter clang fuzz,$(VARIANT)),)
 CC      := clang
 endif
@@ -41,13 +42,13 @@ KFLAGS         := -g1 -ffp-contract=off -fno-math-errno
 KFLAGS_release := $(release) $(KFLAGS) -fno-trapping-math
 KFLAGS_own     := $(if $(filter release clang,$(VARIANT)),$(VFLAGS) $(KFLAGS) -fno-trapping-math,$(VFLAGS) -O1 $(KFLAGS))
 # Instrumented builds look for faults, not speed, and instrumented vectors take minutes to compile: asan
-# has its own of two tiers, whose sources are those of all; a kernel shares nothing, so tsan has none.
-# The others are those of release.
+# has its own of two tiers, whose sources are those of all; a kernel shares nothing and gets no bytes of a
+# client's, so tsan and fuzz have none.  The others are those of release.
 ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
 ISAS   := $(filter-out avx2 avx512,$(ISAS))
 endif
 OWN_asan := fast-float fast-double precise-double
-OWN      := $(if $(filter asan tsan,$(VARIANT)),$(OWN_$(VARIANT)),$(KERNEL_FORMS))
+OWN      := $(if $(filter asan tsan fuzz,$(VARIANT)),$(OWN_$(VARIANT)),$(KERNEL_FORMS))
 kernel_of = $(if $(filter $2,$(OWN)),$(B),build/release)/lib/kernel/$1-$2-$3.o
 KERNELS  := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(call kernel_of,$k,$f,$i))))
 
@@ -106,7 +107,7 @@ $(B)/%.a:
 define kernel
 $(call kernel_of,$1,$2-$3,$4): lib/kernel/$1.c Makefile
 	@mkdir -p $$(@D)
-	$$(CC) $$(BASE) $$(CFLAGS) $(if $(filter $2-$3,$(OWN)),$$(KFLAGS_own),$$(KFLAGS_release)) $$(ISA_$4) -Ilib -DFACET_TIER=$2 -DFACET_TIER_$2=1 -DFACET_IO=$3 -DFACET_IO_$3=1 -DFACET_ISA=$4 -MMD -MP -c -o $$@ $$<
+	$(if $(filter $2-$3,$(OWN)),$$(CC),$$(RELEASE_CC)) $$(BASE) $$(CFLAGS) $(if $(filter $2-$3,$(OWN)),$$(KFLAGS_own),$$(KFLAGS_release)) $$(ISA_$4) -Ilib -DFACET_TIER=$2 -DFACET_TIER_$2=1 -DFACET_IO=$3 -DFACET_IO_$3=1 -DFACET_ISA=$4 -MMD -MP -c -o $$@ $$<
 endef
 $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$k,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i)))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'

@@ -55,9 +55,9 @@ struct api_response {
     void *body;               /* owned; api_response_clear frees it */
     size_t body_size;         /* with a stream: of all its bytes, or API_SIZE_UNKNOWN */
     struct api_stream *stream; /* instead of a body: api_stream_next; api_response_clear frees it */
-    struct api_header headers[API_HEADERS_MAX]; /* Allow, Retry-After, ... */
-    size_t header_count;
     struct api_trace trace;
+    size_t header_count;
+    struct api_header headers[API_HEADERS_MAX]; /* last and large: only header_count of them count */
 };
 
 /* What the server must know before the body arrives. */

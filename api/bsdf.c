@@ -182,6 +182,18 @@ static bool read_jacobian(struct reader *r, struct bsdf *bsdf)
 static facet_status evaluate(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                              double *const fr[3], bool *valid);
 
+/* How often the directions of incidence go around: 1, 2 or 4 in the files there are. */
+static bool read_reduction(struct reader *r, struct bsdf *b)
+{
+    enum { REDUCTION_MAX = 1000 };
+    const double span = b->phi_i[b->phis - 1] - b->phi_i[0];
+    if (!(span * REDUCTION_MAX >= 2 * PI))
+        return api_problem(r->problem, 422, "phi_i spans %g; it must span at least %g", span,
+                           2 * PI / REDUCTION_MAX);
+    b->reduction = (int)fmax(1, rint(2 * PI / span));
+    return true;
+}
+
 bool api_bsdf_open(const void *bytes, size_t size, struct arena *arena, struct problem *problem,
                    struct measurement *m)
 {
@@ -200,8 +212,7 @@ bool api_bsdf_open(const void *bytes, size_t size, struct arena *arena, struct p
         return false;
     b->isotropic = b->phis <= 2;
     b->reduction = 1;
-    if (!b->isotropic)
-        b->reduction = (int)fmax(1, rint(2 * PI / (b->phi_i[b->phis - 1] - b->phi_i[0])));
+    if (!b->isotropic && !read_reduction(&r, b)) return false;
     m->source = (facet_fit_source){evaluate, b, INFINITY, !b->isotropic, NULL};
     return true;
 }

@@ -344,21 +344,35 @@ static void handle(const struct endpoint *endpoint, const struct api_request *re
     if (!stream->call.produce) api_compress(request->accept_encoding, response);
 }
 
-void api_handle(const struct api_request *request, struct api_response *response)
+/* Apart, because a problem is large and most requests have none. */
+static __attribute__((noinline)) void refuse_early(const struct endpoint *endpoint,
+                                                   const struct api_request *request,
+                                                   struct api_response *response)
 {
     struct problem problem = {0};
-    *response = (struct api_response){.status = 200};
-    const struct endpoint *endpoint = find(request->method, request->path);
     if (!endpoint) {
         not_found(request, response, &problem);
-        api_problem_answer(&problem, response);
-        return;
-    }
-    struct api_stream *stream = calloc(1, sizeof *stream);
-    if (!stream) {
+    } else {
         api_problem_memory(&problem);
         api_answer_header(response, "Retry-After", "1");
-        api_problem_answer(&problem, response);
+    }
+    api_problem_answer(&problem, response);
+}
+
+/* All but the headers that do not count: for a tiny answer their zeros would be much work. */
+static void reset(struct api_response *response)
+{
+    memset(response, 0, offsetof(struct api_response, headers));
+}
+
+void api_handle(const struct api_request *request, struct api_response *response)
+{
+    const struct endpoint *endpoint = find(request->method, request->path);
+    struct api_stream *stream = endpoint ? calloc(1, sizeof *stream) : NULL;
+    reset(response);
+    response->status = 200;
+    if (!stream) {
+        refuse_early(endpoint, request, response);
         return;
     }
     handle(endpoint, request, stream, response);
@@ -380,5 +394,5 @@ void api_response_clear(struct api_response *response)
 {
     free(response->body);
     api_stream_close(response->stream);
-    *response = (struct api_response){0};
+    reset(response);
 }

@@ -123,6 +123,7 @@ static enum MHD_Result collect(struct http *http, struct client *client, const c
                                size_t size)
 {
     struct request *request = &client->request;
+    http->received = true;
     if (client->phase == CLIENT_DROP) return MHD_YES;
     client_extend(client, size, http->options->min_rate, seconds(http->options->header_timeout));
     switch (request_add_body(request, data, size, &http->budget)) {
@@ -192,8 +193,10 @@ void exchange_end(void *user, struct MHD_Connection *connection, void **context,
     client->request.done_us = clock_us();
     metrics_request(&client->request, client->request.gone);
     const struct request *request = &client->request;
-    if (request->was_queued || request->body_size > SMALL_BODY) memory_used();
-    if (http->config.site == SITE_MAIN) request_log(&client->request, end_text(client, code));
+    if (http->config.site == SITE_MAIN) {
+        if (request->was_queued || request->body_size > SMALL_BODY) memory_used();
+        request_log(request, end_text(client, code));
+    }
     request_clear(&client->request, &http->budget);
     http_gauge(http, METRIC_ACTIVE, --http->active_count);
     http_gauge(http, METRIC_BODY_MEMORY, http->budget.used);

@@ -90,10 +90,13 @@ int http_timeout_ms(const struct http *http)
 
 void http_turn(struct http *http)
 {
-    enum { RUNS = 8 }; /* a body comes in pieces of a few KB: not a poll for each */
+    enum { UPLOAD_RUNS = 8 }; /* more of an upload is there, as a rule: look before polling again */
     http->now_us = clock_us();
-    MHD_run(http->daemon);
-    for (int i = 1; i < RUNS && !http_timeout_ms(http); i++) MHD_run(http->daemon);
+    for (int i = 0; i < UPLOAD_RUNS; i++) {
+        http->received = false;
+        MHD_run(http->daemon);
+        if (!http->received) break;
+    }
 }
 
 bool http_is_full(const struct http *http)

@@ -18,7 +18,7 @@ struct http {
     struct pool *pool;
     struct MHD_Daemon *daemon;
     int epoll_fd;
-    bool draining;
+    bool draining, received; /* received: a piece of a body, in this run */
     struct client *clients; /* all */
     size_t client_count, active_count;
     struct client **working; /* those that wait for a worker */

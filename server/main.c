@@ -17,7 +17,6 @@
 #include "sandbox.h"
 #include "systemd.h"
 #include "token.h"
-#include "urgent.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -140,7 +139,6 @@ static int serve(struct parts *parts)
 {
     const bool well = begin(parts);
     if (well) {
-        urgent_thread();
         /* To cut what outlasts --drain is to do as told, and no failure. */
         log_line("event=stop clean=%s", loop_run(parts->loop) ? "yes" : "no");
         log_flush();

@@ -65,8 +65,8 @@ bool request_start(struct request *request, const char *target, int64_t now_us)
 
 void request_drop_body(struct request *request, struct body_budget *budget)
 {
-    budget->used -= request->body_capacity;
-    request->body_capacity = 0;
+    budget->used -= request->body_held;
+    request->body_held = request->body_capacity = 0;
     free(request->body);
     request->body = NULL;
 }
@@ -77,7 +77,7 @@ void request_clear(struct request *request, struct body_budget *budget)
     free(request->target);
     free(request->block);
     api_response_clear(&request->response);
-    memset(request, 0, sizeof *request);
+    memset(request, 0, offsetof(struct request, response)); /* the rest is clear */
 }
 
 static bool is_harmless(const char *id)
@@ -183,14 +183,16 @@ void request_tag(struct request *request, const char *wanted)
 }
 
 /*
- * The announced size when it is modest, else in a few steps towards it, since each may copy what came:
- * an announcement costs nothing, and of the budget no more than four times what was sent.
+ * At first little, since many a client announces and does not send; then all that was announced, for
+ * it takes no memory before it is filled, and to grow in steps would copy what came.
  */
 static size_t next_capacity(const struct request *request, size_t needed)
 {
-    enum { FIRST_MAX = 65536, GROWTH = 4 };
+    enum { FIRST_MAX = 65536, GROWTH = 2 };
     size_t limit = request->body_expected ? request->body_expected : request->route.body_max;
-    size_t capacity = request->body_capacity ? GROWTH * request->body_capacity : FIRST_MAX;
+    size_t capacity = FIRST_MAX;
+    if (request->body_capacity)
+        capacity = request->body_expected ? limit : GROWTH * request->body_capacity;
     if (capacity > limit) capacity = limit;
     return capacity < needed ? needed : capacity;
 }
@@ -200,16 +202,17 @@ enum request_body request_add_body(struct request *request, const void *data, si
 {
     size_t room = request->route.body_max - request->body_size;
     if (size > room) return BODY_TOO_LARGE;
+    if (size > budget->max - budget->used) return BODY_NO_MEMORY;
     size_t needed = request->body_size + size;
     if (needed > request->body_capacity) {
-        size_t capacity = next_capacity(request, needed), more = capacity - request->body_capacity;
-        if (more > budget->max - budget->used) return BODY_NO_MEMORY;
+        size_t capacity = next_capacity(request, needed);
         char *body = realloc(request->body, capacity);
         if (!body) return BODY_NO_MEMORY;
-        budget->used += more;
         request->body = body;
         request->body_capacity = capacity;
     }
+    budget->used += size;
+    request->body_held += size;
     memcpy(request->body + request->body_size, data, size);
     request->body_size = needed;
     return BODY_OK;

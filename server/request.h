@@ -36,8 +36,8 @@ struct request {
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;
+    size_t body_held;     /* of the budget */
     size_t body_expected; /* Content-Length; 0 if unknown */
-    struct api_response response;
     /* Of a response.stream: bytes taken .. size of the block are still to be sent. */
     char *block;
     size_t block_size, block_taken, streamed;
@@ -49,9 +49,10 @@ struct request {
     atomic_bool gone; /* the client left: nobody wants the answer */
     int64_t deadline_us;
     int64_t started_us, received_us, began_us, done_us;
+    struct api_response response; /* last, as its headers are */
 };
 
-/* Memory of all bodies together: a request that would pass `max` is refused. */
+/* Bytes of all bodies together: a request that would pass `max` is refused. */
 struct body_budget {
     size_t used, max;
 };
