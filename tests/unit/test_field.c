@@ -277,7 +277,7 @@ TEST(query_members_follow_the_same_table)
 TEST(what_was_decoded_prints_as_it_was)
 {
     const char *json =
-        "{\"alpha\":0.1,\"open\":0.5,\"n\":7,\"flag\":true,\"kind\":\"second\",\"outputs\":["
+        "{\"alpha\":0.1,\"open\":0.5,\"n\":7,\"flag\":false,\"kind\":\"second\",\"outputs\":["
         "\"first\",\"true\"],"
         "\"title\":\"\\\"\\\\ "
         "\\u0001é\",\"colour\":[1,0.5,0],\"list\":[1e-30,2,3e4],\"vectors\":[[1,2,3]],"
