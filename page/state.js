@@ -9,7 +9,8 @@ const DEFAULTS = {
     samples: 512,
     seed: 1,
     overlays: ["fr_cos", "pdf"],
-    log: false, // polar plot in decades
+    log: false, // polar plot and body in decades
+    solid: false, // the body instead of the view from above
     tolerance: 1e-3,
     environment: "studio",
     surface: "sphere",

@@ -7,6 +7,7 @@ import {axesOf} from "./ellipse.js";
 import {roughness, samplerFor, samplersOf, smallestAlpha} from "./material.js";
 import {DEGREE, degrees, luminance, milliseconds, short} from "./numbers.js";
 import {Polar} from "./polar.js";
+import {Solid} from "./solid.js";
 import {askArrays} from "./service.js";
 import {angles, direction, forPicture, set, state, woOf} from "./state.js";
 
@@ -22,6 +23,10 @@ const OVERLAYS = [
     {name: "G", label: "G", unit: "", color: 4, dash: "3 3"},
     {name: "F", label: "F", unit: "", color: 5, dash: "12 4"},
 ];
+const DECADES = 5;
+const FROM_ABOVE =
+    "From above, equal-area: colour is f_r cos θi over four decades, dots are samples, crosses outside the horizon are wasted.";
+const IN_SPACE = "All around: distance from the centre is f_r cos θi. Drag, or use the arrow keys, to turn it.";
 const SAMPLES = [0, 128, 512, 2048, 8192];
 
 // Signed angles of wi in the plane: every degree, and dense where the lobe is.
@@ -109,6 +114,9 @@ export function create({problem}) {
         state.samples,
         (value) => set({samples: Number(value)}),
     );
+    const solid = new Solid(320),
+        inSpace = check("As a body in space", state.solid, (on) => set({solid: on})),
+        caption = el("figcaption");
     const logarithmic = check("In decades", state.log, (on) => set({log: on}));
     const overlays = OVERLAYS.map(({name, label, color, dash}) =>
         check(
@@ -136,18 +144,7 @@ export function create({problem}) {
                 logarithmic,
                 facts,
             ),
-            el(
-                "figure",
-                {},
-                disk.canvas,
-                el(
-                    "figcaption",
-                    {},
-                    "From above, equal-area: colour is f_r cos θi over four decades, dots are samples, crosses outside the horizon are wasted.",
-                ),
-                scale,
-                wasted,
-            ),
+            el("figure", {}, disk.canvas, solid.canvas, caption, inSpace, scale, wasted),
         ),
         el("fieldset", {class: "overlays"}, el("legend", {}, "Curves"), overlays),
         chart.node,
@@ -224,6 +221,12 @@ export function create({problem}) {
             rules: [{x: -theta, name: "mirror"}],
         });
         const wo = angles(theta, phi);
+        if (!solid.canvas.hidden)
+            solid.draw(luminance(grid.arrays.fr_cos, grid.arrays.fr_cos.channels), gridShape.theta, gridShape.phi, {
+                wo: [wo.theta, wo.phi],
+                peak: Math.max(...values.fr_cos),
+                decades: state.log ? DECADES : 0,
+            });
         const peak = disk.draw(
             luminance(grid.arrays.fr_cos, grid.arrays.fr_cos.channels),
             gridShape.theta,
@@ -325,6 +328,14 @@ export function create({problem}) {
         stage,
         update: (changed) => {
             if (!changed) disk.colors = null; // perhaps other ones
+            inSpace.input.checked = state.solid;
+            solid.canvas.hidden = !state.solid || !solid.open();
+            disk.canvas.hidden = !solid.canvas.hidden;
+            caption.textContent = !solid.canvas.hidden
+                ? IN_SPACE
+                : state.solid
+                  ? `This browser has no WebGL 2. ${FROM_ABOVE}`
+                  : FROM_ABOVE;
             logarithmic.input.checked = state.log;
             count.value = state.samples;
             overlays.forEach((node, i) => {

@@ -46,7 +46,10 @@ export function check(name, holds, detail = "") {
 export const note = (text) => console.log(`# ${text}`);
 
 export async function browse() {
-    return chromium.launch({executablePath: process.env.FACET_BROWSER, args: ["--no-sandbox"]});
+    return chromium.launch({
+        executablePath: process.env.FACET_BROWSER,
+        args: ["--no-sandbox", "--enable-unsafe-swiftshader"],
+    });
 }
 
 // A page whose errors are kept, but for what the network says while `page.away` is set.

@@ -81,6 +81,20 @@ async function lobe() {
     );
     await page.waitForTimeout(300);
     await shot(page, "lobe-copper");
+    await page.getByLabel("As a body in space").check();
+    const filled = () =>
+        page.evaluate(() => {
+            const small = Object.assign(document.createElement("canvas"), {width: 64, height: 64}).getContext("2d");
+            small.drawImage(document.querySelector(".solid"), 0, 0, 64, 64);
+            return small.getImageData(0, 0, 64, 64).data.filter((x, k) => k % 4 === 3 && x > 127).length;
+        });
+    await page.waitForTimeout(500);
+    const area = await filled();
+    await page.locator(".solid").press("ArrowRight");
+    check("lobe as a body", area > 60 && area < 3000 && (await filled()) !== area, [area, await filled()]);
+    await shot(page, "lobe-body");
+    await page.getByLabel("As a body in space").uncheck();
+    await page.waitForFunction(() => !/solid/.test(location.hash));
     const again = await open(browser, {colorScheme: "dark"});
     await again.goto(page.url());
     await settled(again);
