@@ -42,7 +42,7 @@ static ssize_t send_block(void *user, uint64_t position, char *out, size_t room)
     return (ssize_t)n;
 }
 
-/* The body stays ours until on_completed: libmicrohttpd neither copies nor frees it. */
+/* The body stays ours until exchange_end: libmicrohttpd neither copies nor frees it. */
 static struct MHD_Response *response_of(struct client *client)
 {
     struct request *request = &client->request;

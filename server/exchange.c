@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { SMALL_BODY = 65536 };
+enum { SMALL_BODY = 65536 }; /* so many bytes are no reason to give memory back */
 
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
 {

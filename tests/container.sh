@@ -65,7 +65,10 @@ evaluates() {
 check_well() { [ "${check[0]}" = CMD ] && inside "${check[@]:1}" --port "$port"; }
 check_ill() { ! inside "${check[@]:1}" --port 1 2>/dev/null; }
 drains() {
-    pid=$(pgrep -f -x "$entry --port 0" | head -1)
+    local pid= p # without pgrep, which a small Debian lacks
+    for p in /proc/[0-9]*; do
+        [ "$(tr '\0' ' ' 2>/dev/null <"$p/cmdline")" != "$entry --port 0 " ] || pid=${p#/proc/}
+    done
     [ -n "$pid" ] && kill -TERM "$pid" && wait "$daemon"
 }
 say listens_on_all_addresses on_all_addresses

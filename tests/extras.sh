@@ -46,7 +46,7 @@ contract() { # contract FACETD EXAMPLES
     url=$(sed -n 's/^listening on //p' build/extras/out)
     # where it leaves its cache
     if (cd build/extras && python/bin/st run "$url/v1/openapi.json" --url "$url" --max-examples "$2" \
-        --no-color --seed 1 --exclude-checks positive_data_acceptance) >$log 2>&1; then
+        --request-timeout 60 --no-color --seed 1 --exclude-checks positive_data_acceptance) >$log 2>&1; then
         echo "ok schemathesis $(grep -oE '[0-9,]+ generated.*' $log)"
     else
         cut -c1-300 $log | tail -n 60 | sed 's/^/  /'
