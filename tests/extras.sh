@@ -7,6 +7,8 @@ export LC_ALL=C
 npm=build/extras/npm python=build/extras/python
 install() {
     mkdir -p build/extras
+    # Large, and only one step's: without it that step skips.
+    command -v chromium >/dev/null || timeout 240 make -s --no-print-directory deps WHEN=test-page || echo "extras: no Chromium"
     if [ ! -x $npm/node_modules/.bin/spectral ]; then
         if ! command -v npm >/dev/null; then
             echo "extras: no npm, so no linters"
