@@ -111,6 +111,10 @@ async function lobe() {
     );
     await shot(again, "lobe-dark");
     await accessible(again, "lobe dark");
+    await page.getByRole("link", {name: "Trade"}).focus();
+    await page.keyboard.press("Enter");
+    await page.locator("table").waitFor();
+    check("views by keys", await page.evaluate(() => document.activeElement.matches("nav a[aria-current=page]")));
     check("lobe console", !page.errors.length && !again.errors.length, [...page.errors, ...again.errors]);
     await Promise.all([page.context().close(), again.context().close()]);
 }
