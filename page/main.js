@@ -128,7 +128,7 @@ async function show() {
     for (const [key, other] of Object.entries(opened)) if (key !== name) other.stop?.();
     document.title = `facetd: ${VIEWS[name].title}`;
     at("lead").textContent = view.module.lead;
-    links();
+    link();
     at("jump").hidden = !view.module.usesMaterial;
     editor ??= materialEditor();
     controls.replaceChildren(...[view.controls, view.module.usesMaterial && editor].filter(Boolean));
@@ -144,33 +144,25 @@ at("jump").addEventListener("click", () => {
     controls.querySelector("select, input")?.focus({preventScroll: true});
 });
 
-function links() {
-    at("views").replaceChildren(
-        el(
-            "ul",
-            {},
-            names.map((name) =>
-                el(
-                    "li",
-                    {},
-                    el(
-                        "a",
-                        {href: href(name), "aria-current": name === currentView() ? "page" : undefined},
-                        VIEWS[name].title,
-                    ),
-                ),
-            ),
-        ),
-    );
+// Made once, so that the focus stays on the one that was followed; they carry the state along.
+const links = names.map((name) => el("a", {}, VIEWS[name].title));
+at("views").append(
+    el(
+        "ul",
+        {},
+        links.map((link) => el("li", {}, link)),
+    ),
+);
+function link() {
+    links.forEach((node, i) => {
+        node.setAttribute("href", href(names[i]));
+        node.toggleAttribute("aria-current", names[i] === currentView());
+        if (names[i] === currentView()) node.setAttribute("aria-current", "page");
+    });
 }
 
 changes.addEventListener("change", (event) => refresh(event.detail));
-changes.addEventListener("written", () => {
-    // The links carry the state along; their focus stays.
-    at("views")
-        .querySelectorAll("a")
-        .forEach((a, i) => a.setAttribute("href", href(names[i])));
-});
+changes.addEventListener("written", link);
 window.addEventListener("hashchange", () => wasWrittenHere() || show());
 
 // ---- Colours ----------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 #include "page.h"
 
-#include <stdio.h>
+#include "site.h"
+
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -27,14 +28,6 @@ static const char policy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
     "require-trusted-types-for 'script'";
-
-static void put_header(struct api_response *response, const char *name, const char *value)
-{
-    if (response->header_count == API_HEADERS_MAX) return;
-    struct api_header *header = &response->headers[response->header_count++];
-    header->name = name;
-    snprintf(header->value, sizeof header->value, "%s", value);
-}
 
 /* The weight of one coding in a list: "gzip;q=0" refuses, "*" means every one that is not named. */
 static bool is_zero_weight(const char *parameters, size_t size)
@@ -63,7 +56,7 @@ void page_answer(const struct page_file *file, const struct api_request *request
 {
     if (strcmp(request->method, "GET")) { /* HEAD comes as GET */
         api_refuse(405, "this allows GET and HEAD", response);
-        put_header(response, "Allow", "GET, HEAD");
+        site_put_header(response, "Allow", "GET, HEAD");
         return;
     }
     const bool packed = takes_gzip(request->accept_encoding);
@@ -77,9 +70,9 @@ void page_answer(const struct page_file *file, const struct api_request *request
     memcpy(body, bytes.begin, size);
     *response = (struct api_response){
         .status = 200, .content_type = file->type, .body = body, .body_size = size};
-    if (packed) put_header(response, "Content-Encoding", "gzip");
-    put_header(response, "Vary", "Accept-Encoding");
-    put_header(response, "Content-Security-Policy", policy);
-    put_header(response, "X-Content-Type-Options", "nosniff");
-    put_header(response, "Referrer-Policy", "no-referrer");
+    if (packed) site_put_header(response, "Content-Encoding", "gzip");
+    site_put_header(response, "Vary", "Accept-Encoding");
+    site_put_header(response, "Content-Security-Policy", policy);
+    site_put_header(response, "X-Content-Type-Options", "nosniff");
+    site_put_header(response, "Referrer-Policy", "no-referrer");
 }

@@ -41,7 +41,7 @@ bool site_is_open(enum site site, const char *path)
     return site == SITE_ADMIN || !strcmp(path, HEALTHZ) || !strcmp(path, READYZ) || page_find(path);
 }
 
-static void put_header(struct api_response *response, const char *name, const char *value)
+void site_put_header(struct api_response *response, const char *name, const char *value)
 {
     if (response->header_count == API_HEADERS_MAX) return;
     struct api_header *header = &response->headers[response->header_count++];
@@ -58,7 +58,7 @@ static void answer(struct api_response *response, const char *type, char *text, 
     }
     *response = (struct api_response){
         .status = 200, .content_type = type, .body = text, .body_size = size};
-    put_header(response, "Cache-Control", "no-store");
+    site_put_header(response, "Cache-Control", "no-store");
 }
 
 /* Ready: another long request would be taken. */
@@ -87,7 +87,7 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
     const struct page_file *file;
     if (own && !reads(request->method)) {
         api_refuse(405, "this allows GET and HEAD", response);
-        put_header(response, "Allow", "GET, HEAD");
+        site_put_header(response, "Allow", "GET, HEAD");
     } else if (own) {
         *response = (struct api_response){0};
         if (!strcmp(own, READYZ))

@@ -20,4 +20,7 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
  */
 bool site_is_open(enum site site, const char *path);
 
+/* A header of an answer that the daemon itself makes; no-op when there are API_HEADERS_MAX already. */
+void site_put_header(struct api_response *response, const char *name, const char *value);
+
 #endif

@@ -22,4 +22,4 @@ if [ ! -s "$merl" ] && [ -r "$csv" ] && [ -r "$shared/tools/make_merl.c" ]; then
     ${CC:-gcc} -O3 -o build/page/make_merl "$shared/tools/make_merl.c" -lm && build/page/make_merl "$csv" gold-metallic-paint "$merl"
 fi
 # The screenshots' browser draws by software; --no-sandbox, as containers let it make no namespaces.
-FACET_BROWSER=$browser FACET_NPM=$npm/ FACET_SHARED=$shared timeout 180 node tests/page/page.mjs "$1"
+FACET_BROWSER=$browser FACET_NPM=$npm/ FACET_SHARED=$shared timeout 300 node tests/page/page.mjs "$1"

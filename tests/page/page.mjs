@@ -17,7 +17,13 @@ const post = async (path, request) =>
             body: JSON.stringify(request),
         })
     ).json();
-const number = (text) => Number(text.replace("−", "-"));
+// "4.9·10⁻⁴" and "0.001" as numbers.
+const number = (text) =>
+    Number(
+        [...text.replace(/^10(?=[⁻⁰¹²³⁴-⁹])/, "1e").replace("·10", "e")]
+            .map((c) => ("⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(c) < 0 ? c.replace(/[⁻−]/, "-") : "⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(c)))
+            .join(""),
+    );
 
 async function lobe() {
     const page = await open(browser),
@@ -105,6 +111,10 @@ async function lobe() {
     );
     await shot(again, "lobe-dark");
     await accessible(again, "lobe dark");
+    await page.getByRole("link", {name: "Trade"}).focus();
+    await page.keyboard.press("Enter");
+    await page.locator("table").waitFor();
+    check("views by keys", await page.evaluate(() => document.activeElement.matches("nav a[aria-current=page]")));
     check("lobe console", !page.errors.length && !again.errors.length, [...page.errors, ...again.errors]);
     await Promise.all([page.context().close(), again.context().close()]);
 }
@@ -134,6 +144,8 @@ async function trade() {
         rows.length === 4 && rows.every((cells) => cells.length === 7) && Number(rows[0][5]) < Number(rows[3][5]),
         rows,
     );
+    const holds = rows.every((cells) => cells[3] === "the reference" || number(cells[3]) <= number(cells[2]));
+    check("trade: no error above its promise", holds, rows);
     await shot(page, "trade-precise");
     await page.getByLabel("Tolerance, largest relative error accepted").fill("-15");
     await page.getByText("none promises it").first().waitFor();
