@@ -80,7 +80,8 @@ double facet_bsdf_closeness(const facet_bsdf *bsdf, facet_vec3_in wi, facet_vec3
  * As facet_sample_bound.  dense: some wo are on the side of the larger index, where wi leaves the
  * critical angle like a square root and is right to the root of what its normal is right to.
  */
-bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, bool dense, double input_error, double *bound);
+bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, facet_sampler sampler, bool dense, double input_error,
+                             double *bound);
 
 /*
  * Integrals of fr cos theta_i over wi on the side of each of n wo and on the other, as facet_albedo

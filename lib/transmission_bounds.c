@@ -118,12 +118,12 @@ double facet_bsdf_closeness(const facet_bsdf *b, facet_vec3_in wi, facet_vec3_in
     return worst;
 }
 
-bool facet_bsdf_sample_bound(const facet_bsdf *b, bool dense, double input_error, double *bound)
+bool facet_bsdf_sample_bound(const facet_bsdf *b, facet_sampler sampler, bool dense, double input_error, double *bound)
 {
     double pdf, weight, normal;
     *bound = INFINITY;
-    if (!facet_bsdf_bound(b, FACET_PDF, input_error, &pdf) || !facet_bsdf_bound(b, FACET_FR_COS, input_error, &weight) ||
-        !facet_sample_bound(b->ideal, FACET_PRECISE, FACET_SAMPLER_AUTO, input_error, &normal))
+    if (!facet_bsdf_sampler_serves(sampler, b->ndf) || !facet_bsdf_bound(b, FACET_PDF, input_error, &pdf) || !facet_bsdf_bound(b, FACET_FR_COS, input_error, &weight) ||
+        !facet_sample_bound(b->ideal, FACET_PRECISE, sampler, input_error, &normal))
         return false;
     double n = b->side[ABOVE].index, least = fmin(n, b->side[BELOW].index), cosine = 2 * normal;
     /* g^2 = n^2 - 1 + c^2 is right to 2 c times the error of c, g >= c toward the dense side. */

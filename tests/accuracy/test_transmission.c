@@ -118,7 +118,7 @@ TEST(samples_where_they_belong)
         for (int j = 0; j < 3; j++) wo[j] *= turn;
         facet_vec3_in o = {&wo[0], &wo[1], &wo[2]};
         facet_samples samples = {.wi = {&wi[0], &wi[1], &wi[2]}};
-        bool promised = facet_bsdf_sample_bound(bsdf, (turn > 0) == (m.fresnel.eta[0] < 1), 0, &bound);
+        bool promised = facet_bsdf_sample_bound(bsdf, FACET_SAMPLER_AUTO, (turn > 0) == (m.fresnel.eta[0] < 1), 0, &bound);
         CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples), FACET_OK);
         if (promised && reference_bsdf_sample(&m, wo, u, exact))
             for (int j = 0; j < 3; j++) {
