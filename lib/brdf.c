@@ -98,8 +98,8 @@ static struct kernel_surface prepare(const facet_material *m)
     struct pair kappa = square_root(product(sum(1, -r->rho), sum(1, r->rho)));
     struct pair correlated = product(rho, alpha_y), conditional = product(kappa, alpha_y);
     struct pair det = product(alpha_x, conditional);
-    /* Rounded once each: D has their fourth power. */
-    long double whole = (long double)det.hi + det.lo, weight = sqrtl(sqrtl(pi * whole));
+    /* Rounded once each. */
+    long double whole = (long double)det.hi + det.lo, scaled_y = (long double)conditional.hi + conditional.lo;
     return (struct kernel_surface){
         .alpha_x = r->alpha_x,
         .alpha_y = r->alpha_y,
@@ -113,13 +113,10 @@ static struct kernel_surface prepare(const facet_material *m)
         .det_low = det.lo,
         .root_det = (double)sqrtl(whole),
         .peak = (double)(1 / (pi * whole)),
-        .weight = (double)weight,
-        .weight_x = (double)(weight / r->alpha_x),
-        .weight_y = (double)(weight / whole),
-        .inverse_weight2 = (double)(1 / (weight * weight)),
-        .inverse_alpha2 = 1 / (r->alpha_x * r->alpha_x),
-        .iso_flat = (double)(weight * weight / r->alpha_x / r->alpha_x),
-        .iso_tall = (double)(weight * weight),
+        .inverse_x = 1 / r->alpha_x,
+        .inverse_y = (double)(1 / scaled_y),
+        .tilt = (double)(r->rho * (r->alpha_y / scaled_y) / r->alpha_x),
+        .inverse_alpha2 = (double)(1 / ((long double)r->alpha_x * r->alpha_x)),
         .slope_x = r->slope_x,
         .slope_y = r->slope_y,
         .table = m->ndf == FACET_TABULATED ? &m->table->view : NULL,
