@@ -303,10 +303,14 @@ report: ## furnaces, wasted samples, efficiency of the samplers: build/report/re
 BENCH := $(B)/tests/bench/bench
 $(BENCH): $(addprefix $(B)/tests/,bench/bench.o bench/yardstick.o support/draw.o support/rng.o accuracy/reference.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
+# What the specialised loops gain over the general one: build/bench/specialised.json.
+SPECIALISED := $(B)/tests/bench/specialised
+$(SPECIALISED): $(addprefix $(B)/tests/,bench/specialised.o support/draw.o support/rng.o) $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
 bench: ## speed and error of every quantity, tier and instruction set against the textbook: build/bench.json, build/bench/
 	@$(MAKE) --no-print-directory deps WHEN='build report'
-	@$(MAKE) -s --no-print-directory $(BENCH)
-	@mkdir -p build/bench && $(BENCH) >build/bench.json
+	@$(MAKE) -s --no-print-directory $(BENCH) $(SPECIALISED)
+	@mkdir -p build/bench && $(BENCH) >build/bench.json && $(SPECIALISED) >build/bench/specialised.json
 	@tests/bench/summary.py build/bench.json build/bench $(B)/lib/kernel >build/bench/bench.md && tests/bench/pareto.sh build/bench
 	@cat build/bench/bench.md; echo; echo "see build/bench.json, build/bench/bench.md, build/bench/pareto.png"
 

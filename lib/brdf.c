@@ -73,12 +73,11 @@ static struct kernel_surface prepare(const facet_material *m)
     const facet_roughness *r = &m->roughness;
     const long double pi = 3.14159265358979323846264338327950288L;
     struct pair alpha_x = { r->alpha_x, 0 }, alpha_y = { r->alpha_y, 0 }, rho = { r->rho, 0 };
-    /* Beckmann's exponent magnifies what a parameter lacks. */
     struct pair kappa = pair_square_root(pair_product(pair_sum(1, -r->rho), pair_sum(1, r->rho)));
     struct pair correlated = pair_product(rho, alpha_y), conditional = pair_product(kappa, alpha_y);
     struct pair det = pair_product(alpha_x, conditional);
-    /* Rounded once each: D has their fourth power. */
-    long double whole = (long double)det.hi + det.lo, weight = sqrtl(sqrtl(pi * whole));
+    /* Rounded once each. */
+    long double whole = (long double)det.hi + det.lo, scaled_y = (long double)conditional.hi + conditional.lo;
     return (struct kernel_surface){
         .alpha_x = r->alpha_x,
         .alpha_y = r->alpha_y,
@@ -92,13 +91,10 @@ static struct kernel_surface prepare(const facet_material *m)
         .det_low = det.lo,
         .root_det = (double)sqrtl(whole),
         .peak = (double)(1 / (pi * whole)),
-        .weight = (double)weight,
-        .weight_x = (double)(weight / r->alpha_x),
-        .weight_y = (double)(weight / whole),
-        .inverse_weight2 = (double)(1 / (weight * weight)),
-        .inverse_alpha2 = 1 / (r->alpha_x * r->alpha_x),
-        .iso_flat = (double)(weight * weight / r->alpha_x / r->alpha_x),
-        .iso_tall = (double)(weight * weight),
+        .inverse_x = 1 / r->alpha_x,
+        .inverse_y = (double)(1 / scaled_y),
+        .tilt = (double)(r->rho * (r->alpha_y / scaled_y) / r->alpha_x),
+        .inverse_alpha2 = (double)(1 / ((long double)r->alpha_x * r->alpha_x)),
         .slope_x = r->slope_x,
         .slope_y = r->slope_y,
         .table = m->ndf == FACET_TABULATED ? &m->table->view : NULL,

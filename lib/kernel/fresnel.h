@@ -1,5 +1,6 @@
 /*
- * fresnel.h - Fresnel terms over c = cos theta_d = |H|/2.
+ * fresnel.h - Fresnel terms over c = cos theta_d = |H|/2, times a constant `scale`
+ * that they take into constants of their own.
  */
 #ifndef FACET_FRESNEL_H
 #define FACET_FRESNEL_H
@@ -7,8 +8,8 @@
 #include "surface.h"
 
 /*
- * c^2, as a pair in precise: 1 - c cancels near the mirror direction, and c^2
- * from 1 - eta^2 at the critical angle.
+ * 4 c^2 = |H|^2, as a pair in precise: 1 - c cancels near the mirror direction, and
+ * c^2 from 1 - eta^2 at the critical angle.
  */
 INLINE pair angle_squared(const struct given *g, struct half h)
 {
@@ -16,55 +17,54 @@ INLINE pair angle_squared(const struct given *g, struct half h)
     (void)h;
     pair x = pair_sum(g->wi.x, g->wo.x), y = pair_sum(g->wi.y, g->wo.y), z = pair_sum(g->wi.z, g->wo.z);
     pair hh = pair_add(pair_add(pair_multiply(x, x), pair_multiply(y, y)), pair_multiply(z, z));
-    return pair_normalise((pair){ R(0.25) * hh.hi, R(0.25) * hh.lo });
+    return pair_normalise(hh);
 #else
     (void)g;
-    return (pair){ R(0.25) * h.hh, splat(0) };
+    return (pair){ h.hh, splat(0) };
 #endif
 }
 
 /* 1 - c. */
-INLINE real angle_versine(struct half h, pair c2)
+INLINE real angle_versine(pair hh)
 {
 #if COMPENSATED
-    (void)h;
-    return quotient((1 - c2.hi) - c2.lo, 1 + real_sqrt(c2.hi));
+    return quotient((4 - hh.hi) - hh.lo, 2 * (2 + real_sqrt(hh.hi)));
 #else
-    (void)c2;
-    return nmadd(root_fine(h.hh), splat(R(0.5)), splat(1));
+    return nmadd(root_fine(hh.hi), splat(R(0.5)), splat(1));
 #endif
 }
 
-INLINE real fresnel_schlick(const struct kernel_fresnel *f, real versine5)
+INLINE real fresnel_schlick(const struct kernel_fresnel *f, real versine5, lane scale)
 {
-    return madd(versine5, splat(R(1 - f->f0)), splat(R(f->f0))); /* Schlick 1994 */
+    return madd(versine5, splat(R(1 - f->f0) * scale), splat(R(f->f0) * scale)); /* Schlick 1994 */
 }
 
-/* f->excess + c^2. */
-INLINE real fresnel_root(const struct kernel_fresnel *f, pair c2)
+/* 4 (f->excess + c^2). */
+INLINE real fresnel_root(const struct kernel_fresnel *f, pair hh)
 {
 #if COMPENSATED
-    return pair_round(pair_add((pair){ splat(f->excess), splat(f->excess_low) }, c2));
+    return pair_round(pair_add((pair){ splat(4 * f->excess), splat(4 * f->excess_low) }, hh));
 #else
-    return R(f->excess) + c2.hi;
+    return R(4 * f->excess) + hh.hi;
 #endif
 }
 
 /*
  * Unpolarised, real eta; 1 at total reflection.  With g^2 = eta^2 - 1 + c^2,
  * F = s^2 (1 + p^2)/2, s = (g - c)/(g + c) = (eta^2 - 1)/(g + c)^2,
- * p = (c g - sin^2)/(c g + sin^2): one root, of c^2 g^2, and one quotient.
+ * p = (c g - sin^2)/(c g + sin^2): one root, of c^2 g^2, and one quotient.  All four
+ * times as large, over |H|^2 = 4 c^2.
  */
-INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair c2)
+INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair hh, lane scale)
 {
     bool may_be_total = f->excess < 0;
-    real g2 = fresnel_root(f, c2), sine2 = (1 - c2.hi) - c2.lo;
+    real g2 = fresnel_root(f, hh), sine2 = (4 - hh.hi) - hh.lo;
     mask partial = less(splat(0), g2);
-    real cg = may_be_total ? root_from_zero(c2.hi * real_max(g2, splat(0))) : root_from_zero(c2.hi * g2);
-    real sum2 = madd(splat(2), cg, g2 + c2.hi), low = cg - sine2, high = cg + sine2, scale = sum2 * high;
-    real value = quotient(R(0.5 * f->excess * f->excess) * madd(low, low, high * high), scale * scale);
-    value = real_min(value, splat(1));
-    return may_be_total ? select(partial, value, splat(1)) : value;
+    real cg = may_be_total ? root_from_zero(hh.hi * real_max(g2, splat(0))) : root_from_zero(hh.hi * g2);
+    real sum2 = (cg + cg) + (g2 + hh.hi), low = cg - sine2, high = cg + sine2, bottom = sum2 * high;
+    real value = quotient(R(8 * f->excess * f->excess) * scale * madd(low, low, high * high), bottom * bottom);
+    value = real_min(value, splat(scale));
+    return may_be_total ? select(partial, value, splat(scale)) : value;
 }
 
 /*
@@ -72,9 +72,10 @@ INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair c2)
  * the larger of a and b by a root of like signs; a - c as (t + b^2 - c^2)/(a + c)
  * where b^2 is not what cancels.
  */
-INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair c2)
+INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair hh, lane scale)
 {
-    real t = fresnel_root(f, c2);
+    pair c2 = { R(0.25) * hh.hi, R(0.25) * hh.lo };
+    real t = R(0.25) * fresnel_root(f, hh);
     const lane product = R(f->eta * f->k);
     real c = root_from_zero(c2.hi), sine2 = (1 - c2.hi) - c2.lo;
     real both = root_from_zero(madd(t, t, splat(4 * product * product)));
@@ -87,7 +88,7 @@ INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair c2)
     real s = quotient(madd(minus, minus, bb), madd(plus, plus, bb));
     real low = a * c - sine2, high = a * c + sine2, bc2 = bb * c2.hi;
     real p = quotient(madd(low, low, bc2), madd(high, high, bc2));
-    return real_min(R(0.5) * s * (1 + p), splat(1));
+    return real_min(R(0.5) * scale * s * (1 + p), splat(scale));
 }
 
 /* Linear between the nodes, constant outside; c + c_low. */
@@ -110,8 +111,9 @@ INLINE lane fresnel_node(const struct kernel_fresnel *f, lane c, lane c_low)
 }
 
 /* Lane by lane: looking up does not vectorise. */
-INLINE real fresnel_table(const struct kernel_fresnel *f, pair c2)
+INLINE real fresnel_table(const struct kernel_fresnel *f, pair hh, lane scale)
 {
+    pair c2 = { R(0.25) * hh.hi, R(0.25) * hh.lo };
     real c = root_fine(c2.hi), rest = splat(0);
 #if COMPENSATED
     real residue = ((c2.hi - c * c) - product_error(c, c, c * c)) + c2.lo;
@@ -122,7 +124,7 @@ INLINE real fresnel_table(const struct kernel_fresnel *f, pair c2)
     memcpy(low, &rest, sizeof low);
     for (size_t k = 0; k < LANES; k++) at[k] = fresnel_node(f, at[k], low[k]);
     memcpy(&c, at, sizeof c);
-    return c;
+    return c * scale;
 }
 
 #endif

@@ -13,7 +13,8 @@
 /* One channel and a Fresnel kind known in advance. */
 #define FRESNEL_LOOP(q, ndf, shape, kind_)                                                      \
     LOOP(q##_##ndf##_##shape##_##kind_, ndf, shape, SMITH,                                      \
-         (own.kind = FACET_FRESNEL_##kind_, own.channels = 1), ONE_QUANTITY(q))
+         const struct kernel_fresnel only = *job->fresnel; own.fresnel = &only;                 \
+         own.kind = FACET_FRESNEL_##kind_; own.channels = 1, ONE_QUANTITY(q))
 /* Both at once: what a renderer asks for. */
 #define FR_PDF_LOOP(ndf, shape)                                                                 \
     LOOP(FR_PDF_##ndf##_##shape, ndf, shape, SMITH, (void)0, ONE_QUANTITY(FR) ONE_QUANTITY(PDF))

@@ -35,10 +35,8 @@ struct kernel_table {
 };
 
 /*
- * What the kernels need of a material's roughness, derived once (brdf.c).  The
- * half vector is handled in standard slopes times `weight`, weight^4 = pi det, so
- * that GGX's D is |H|^4 over the square of a sum of squares.  x_low: what the
- * double x lacks.
+ * What the kernels need of a material's roughness, derived once (brdf.c).
+ * x_low: what the double x lacks.
  */
 struct kernel_surface {
     double alpha_x, alpha_y, rho, kappa; /* kappa = sqrt(1 - rho^2) */
@@ -46,9 +44,9 @@ struct kernel_surface {
     double kappa_alpha_y, kappa_alpha_y_low;
     double det, det_low, root_det;       /* det = alpha_x alpha_y kappa */
     double peak;                         /* 1/(pi det) */
-    double weight, weight_x, weight_y;   /* weight, weight / alpha_x, weight / det */
-    double inverse_weight2, inverse_alpha2;
-    double iso_flat, iso_tall;           /* isotropic: weight^2 / alpha^2 and weight^2 */
+    double inverse_x, inverse_y;         /* 1 / alpha_x, 1 / (kappa alpha_y) */
+    double tilt;                         /* rho / (kappa alpha_x) */
+    double inverse_alpha2;               /* isotropic */
     double slope_x, slope_y;
     const struct kernel_table *table;    /* FACET_TABULATED only */
     double cap_keep, cap_a2, cap_side;   /* bounded caps (sample.h): 1 - A^2, A^2 and the sign of |wo_xy| in q */

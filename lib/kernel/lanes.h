@@ -82,11 +82,14 @@ INLINE real real_max(real a, real b) { return VECTOR(max)(a, b); }
 
 #if REGISTER_BYTES == 64
 INLINE mask less(real a, real b) { return PASTE(VECTOR(cmp), _mask, )(a, b, _CMP_LT_OQ); }
+/* Not less: true also of what is not a number. */
+INLINE mask not_less(real a, real b) { return PASTE(VECTOR(cmp), _mask, )(a, b, _CMP_NLT_UQ); }
 INLINE bool any(mask m) { return m != 0; }
 /* a where m, else b. */
 INLINE real select(mask m, real a, real b) { return VECTOR(mask_blend)(m, b, a); }
 #else
 INLINE mask less(real a, real b) { return (mask)(a < b); }
+INLINE mask not_less(real a, real b) { return ~less(a, b); }
 INLINE bool any(mask m) { return VECTOR(movemask)((real)m) != 0; }
 #if REGISTER_BYTES == 32
 INLINE real select(mask m, real a, real b) { return VECTOR(blendv)(b, a, (real)m); }
@@ -138,6 +141,7 @@ INLINE real real_sqrt(real x)
 }
 
 INLINE mask less(real a, real b) { return (mask)(a < b); }
+INLINE mask not_less(real a, real b) { return ~less(a, b); }
 INLINE real select(mask m, real a, real b) { return (real)(((bits)a & m) | ((bits)b & ~m)); }
 INLINE real real_min(real a, real b) { return select(less(a, b), a, b); }
 INLINE real real_max(real a, real b) { return select(less(b, a), a, b); }
@@ -157,6 +161,7 @@ INLINE bool any(mask m)
 #if REGISTER_BYTES == 64 && defined(__SSE2__)
 #define HAS_SCALE 1
 INLINE real scaled_by(real x, real n) { return VECTOR(scalef)(x, n); }
+INLINE real nearest(real x) { return VECTOR(roundscale)(x, _MM_FROUND_TO_NEAREST_INT); }
 #else
 #define HAS_SCALE 0
 #endif

@@ -68,6 +68,14 @@ INLINE struct given load_pair(const struct kernel_surface *s, struct model m, co
     struct given g = { .wi = load_vec3(job->wi, k), .wo = load_vec3(job->wo, k) };
     g.sum = (struct vec3){ g.wi.x + g.wo.x, g.wi.y + g.wo.y, g.wi.z + g.wo.z };
     if (m.shape != KERNEL_SHEARED) return g;
+#if REAL_IS_FLOAT
+    if (floats_will_do(m)) {
+        g.ci = mean_cosine_of_floats(s, g.wi);
+        g.co = mean_cosine_of_floats(s, g.wo);
+        real least = real_min(real_abs(g.ci.hi), real_abs(g.co.hi));
+        if (!any(less(least, splat(R(UNSURE_COSINE * lean_of(s)))))) return g;
+    }
+#endif
     g.ci = mean_cosine(s, g.wi);
     g.co = mean_cosine(s, g.wo);
     return g;
@@ -94,38 +102,52 @@ INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, c
 
 /*
  * Pairs beyond the range of a tier's arithmetic, marked by results that are not
- * numbers: |H| too short for its powers, a result about to overflow, a cosine
- * lost in float, and what excess_front is not for.  precise has none.
+ * numbers: |H| too short for its powers, a result so large that a denominator may
+ * have left the range, a cosine lost in float, and what excess_front is not for.
+ * precise has none.
  */
 #if REAL_IS_FLOAT
 #define SHORTEST2 R(0x1p-20)
-#define LARGEST R(1e37)
+#define LARGEST R(1e24)
 #define LEAST_COSINE 0x1p-28
 #else
 #define SHORTEST2 R(1e-60)
-#define LARGEST R(1e300)
+#define LARGEST R(1e250)
 #define LEAST_COSINE 0x1p-16
 #endif
 
-/* Not a number counts as beyond. */
+/*
+ * Positive where a pair is within the range.  By differences and minima, which cost
+ * nothing beside the multiplications, and one comparison; `value` comes last because
+ * a minimum is its second operand where either is not a number.
+ */
+INLINE real margin(struct model m, const struct kernel_surface *s, const struct terms *t, enum kernel_quantity q,
+                   real value)
+{
+    real least = t->h.hh - SHORTEST2;
+    /* What was a cosine may have become 0. */
+    if (ROUNDS_INPUT) least = real_min(least, real_min(real_abs(t->i.z), real_abs(t->o.z)) - R(1e-37));
+    if (m.shape == KERNEL_SHEARED) {
+        real least_z = real_min(t->i.z, t->o.z), c = real_abs(t->o.c);
+        if (q == KERNEL_FR && m.masking == KERNEL_SMITH && REAL_IS_FLOAT)
+            /* Below 0 for certain is as good as above: no light. */
+            c = real_min(c, real_abs(real_min(least_z, t->i.c)));
+        else if (REAL_IS_FLOAT)
+            c = real_min(real_min(c, real_abs(t->i.c)), real_min(real_abs(t->i.z), real_abs(t->o.z)));
+        else
+            c = real_min(c, real_abs(t->i.c));
+        least = real_min(least, c - R(LEAST_COSINE * lean_of(s)));
+        if (scales(m)) least = real_min(least, BEHIND_MAX + beckmann_cotangent(t->o).v);
+    }
+    bool from_below = q == KERNEL_PDF || q == KERNEL_D_VIS || q == KERNEL_SIGMA_O;
+    if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED) least = real_min(least, t->o.z);
+    return real_min(least, LARGEST - value);
+}
+
 INLINE mask stray(struct model m, const struct kernel_surface *s, const struct terms *t, enum kernel_quantity q,
                   real value)
 {
-    mask good = less(splat(SHORTEST2), t->h.hh) & less(value, splat(LARGEST));
-    /* What was a cosine may have become 0. */
-    if (ROUNDS_INPUT) good &= less(splat(R(1e-37)), real_min(real_abs(t->i.z), real_abs(t->o.z)));
-    if (m.shape == KERNEL_SHEARED) {
-        real c = real_min(real_abs(t->i.c), real_abs(t->o.c));
-        if (REAL_IS_FLOAT) c = real_min(c, real_min(real_abs(t->i.z), real_abs(t->o.z)));
-        good &= less(splat(R(LEAST_COSINE * (1 + __builtin_fabs(s->slope_x) + __builtin_fabs(s->slope_y)))), c);
-        /* v_o^2 > BEHIND_MAX */
-        real behind = real_min(t->o.c, splat(0));
-        if (scales(m)) good &= (mask)~less(BEHIND_MAX * t->o.s2, behind * behind);
-    }
-    bool from_below = q == KERNEL_PDF || q == KERNEL_D_VIS || q == KERNEL_SIGMA_O;
-    if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED)
-        good &= (mask)~less(t->o.z, splat(0));
-    return (mask)~good;
+    return not_less(splat(0), margin(m, s, t, q, value));
 }
 
 INLINE real marked(mask stray_, real value)
@@ -135,39 +157,39 @@ INLINE real marked(mask stray_, real value)
 
 /* ---- quantities ---------------------------------------------------------------------- */
 
-INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair c2, real versine5)
+INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, real versine5, lane scale)
 {
     const struct kernel_fresnel *f = &job->fresnel[channel];
     switch (job->kind) {
-    case FACET_FRESNEL_SCHLICK: return fresnel_schlick(f, versine5);
-    case FACET_FRESNEL_DIELECTRIC: return fresnel_dielectric(f, c2);
-    case FACET_FRESNEL_CONDUCTOR: return fresnel_conductor(f, c2);
-    case FACET_FRESNEL_TABLE: return fresnel_table(f, c2);
-    default: return splat(1);
+    case FACET_FRESNEL_SCHLICK: return fresnel_schlick(f, versine5, scale);
+    case FACET_FRESNEL_DIELECTRIC: return fresnel_dielectric(f, hh, scale);
+    case FACET_FRESNEL_CONDUCTOR: return fresnel_conductor(f, hh, scale);
+    case FACET_FRESNEL_TABLE: return fresnel_table(f, hh, scale);
+    default: return splat(scale);
     }
 }
 
-/* out[channel] = F_channel value. */
+/* out[channel] = scale F_channel value. */
 INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
-                           const struct terms *t, real value)
+                           const struct terms *t, real value, lane scale)
 {
-    pair c2 = { splat(0), splat(0) };
+    pair hh = { splat(0), splat(0) };
     real v5 = splat(0);
-    if (job->kind != FACET_FRESNEL_IDEAL) c2 = angle_squared(&t->given, t->h);
+    if (job->kind != FACET_FRESNEL_IDEAL) hh = angle_squared(&t->given, t->h);
     if (job->kind == FACET_FRESNEL_SCHLICK) {
-        real v = real_max(angle_versine(t->h, c2), splat(0)), v2 = v * v;
+        real v = real_max(angle_versine(hh), splat(0)), v2 = v * v;
         v5 = v2 * v2 * v;
     }
     for (size_t c = 0; c < job->channels; c++)
-        if (job->out[q][c]) store_at(job->out[q][c], k, value * fresnel_of(job, c, c2, v5));
+        if (job->out[q][c]) store_at(job->out[q][c], k, value * fresnel_of(job, c, hh, v5, scale));
 }
 
 /* By name and not by a switch over q: what a switch drops has first to be compiled. */
-#define quantity_FR quantity_fr
-#define quantity_FR_COS quantity_fr_cos
-#define quantity_PDF quantity_pdf
-#define quantity_D quantity_d
-#define quantity_D_VIS quantity_d_vis
+#define quantity_FR bare_fr
+#define quantity_FR_COS bare_fr_cos
+#define quantity_PDF bare_pdf
+#define quantity_D bare_d
+#define quantity_D_VIS bare_d_vis
 #define quantity_G quantity_g
 #define quantity_G1_I quantity_g1_i
 #define quantity_G1_O quantity_g1_o
@@ -176,8 +198,16 @@ INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q,
 #define quantity_WEIGHT quantity_weight
 #define quantity_CONDITION quantity_condition
 
-#define STORE_PLAIN(q) store_at(own.out[q][0], k, value)
-#define STORE_COLOURED(q) store_coloured(&own, q, k, &t, value)
+/* What a quantity has yet to be multiplied by. */
+INLINE lane constant_of(struct model m, const struct kernel_surface *s, enum kernel_quantity q)
+{
+    if (q == KERNEL_FR) return fr_factor(m, s);
+    bool bare = q == KERNEL_FR_COS || q == KERNEL_PDF || q == KERNEL_D || q == KERNEL_D_VIS;
+    return bare ? factor_of(m, s) : R(1);
+}
+
+#define STORE_PLAIN(q) store_at(own.out[q][0], k, value * scale)
+#define STORE_COLOURED(q) store_coloured(&own, q, k, &t, value, scale)
 #define STORE_FR STORE_COLOURED
 #define STORE_FR_COS STORE_COLOURED
 #define STORE_PDF STORE_PLAIN
@@ -193,11 +223,12 @@ INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q,
 
 #define ONE_QUANTITY(q)                                                                         \
     {                                                                                           \
+        scale = constant_of(m, &s, KERNEL_##q);                                                 \
         real value = quantity_##q(m, &s, t.i, t.o, t.h);                                        \
         if (!COMPENSATED) {                                                                     \
             mask out = stray(m, &s, &t, KERNEL_##q, value);                                     \
-            value = marked(out, value);                                                         \
-            some = (mask)(some | out);                                                                        \
+            if (__builtin_expect(any(out), 0))                                                  \
+                value = marked(out, value), some = (mask)(some | out);                          \
         }                                                                                       \
         STORE_##q(KERNEL_##q);                                                                  \
     }
@@ -213,6 +244,7 @@ INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q,
         fixed;                                                                                  \
         for (size_t k = 0; k < n; k += LANES) {                                                 \
             struct terms t = load_terms(&s, m, &own, k);                                        \
+            lane scale = 1;                                                                     \
             quantities                                                                          \
         }                                                                                       \
         return any(some);                                                                       \

@@ -23,19 +23,60 @@ INLINE bool scales(struct model m)
     return m.ndf == FACET_BECKMANN && m.shape == KERNEL_SHEARED;
 }
 
-/* D where H points up; elsewhere anything. */
+/*
+ * The constant that D has before what depends on the pair.  In precise it is part of
+ * that (what saturates saturates in the end); elsewhere the loops multiply by it last,
+ * together with other constants.
+ */
+INLINE lane peak_of(struct model m, const struct kernel_surface *s)
+{
+    return R(s->peak * (m.ndf == FACET_BECKMANN && LIFT ? 0x1p-64 : 1));
+}
+
+INLINE lane factor_of(struct model m, const struct kernel_surface *s)
+{
+    return COMPENSATED ? R(1) : peak_of(m, s);
+}
+
+#if REAL_IS_FLOAT
+/* Whether cosines with the mean facet of UNSURE_COSINE's accuracy are enough. */
+INLINE bool floats_will_do(struct model m)
+{
+    return DRAFT || m.ndf == FACET_BECKMANN;
+}
+#endif
+
+/* D / factor_of where H points up; elsewhere anything. */
+INLINE struct fraction bare_density(struct model m, const struct kernel_surface *s, struct half h)
+{
+    struct fraction d = { splat(0), splat(1) };
+    if (m.ndf == FACET_GGX)
+        d = ggx_density(m.shape, h);
+    else
+        d.num = m.ndf == FACET_BECKMANN ? beckmann_density(s, m.shape, h) : table_density(s, h);
+    return COMPENSATED ? (struct fraction){ d.num * peak_of(m, s), d.den } : d;
+}
+
+INLINE struct fraction bare_density_scaled(struct model m, const struct kernel_surface *s, struct half h,
+                                           struct direction o)
+{
+    if (!scales(m)) return bare_density(m, s, h);
+    real d = beckmann_density_scaled(s, h, o);
+    return (struct fraction){ COMPENSATED ? d * peak_of(m, s) : d, splat(1) };
+}
+
+/* D. */
 INLINE struct fraction density(struct model m, const struct kernel_surface *s, struct half h)
 {
-    if (m.ndf == FACET_GGX) return ggx_density(m.shape, h);
-    real d = m.ndf == FACET_BECKMANN ? beckmann_density(s, m.shape, h) : table_density(s, h);
-    return (struct fraction){ d, splat(1) };
+    struct fraction d = bare_density(m, s, h);
+    return (struct fraction){ d.num * factor_of(m, s), d.den };
 }
 
 INLINE struct fraction density_scaled(struct model m, const struct kernel_surface *s, struct half h,
                                       struct direction o)
 {
-    if (!scales(m)) return density(m, s, h);
-    return (struct fraction){ beckmann_density_scaled(s, h, o), splat(1) };
+    struct fraction d = bare_density_scaled(m, s, h, o);
+    return (struct fraction){ d.num * factor_of(m, s), d.den };
 }
 
 INLINE real excess(struct model m, const struct kernel_surface *s, struct direction k)
@@ -93,13 +134,30 @@ INLINE real facing_up(struct half h, real value)
     return select(less(splat(0), h.hz), value, splat(0));
 }
 
-/* 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0; height-correlated, energy-safe. */
-INLINE real smith_denominator(struct model m, const struct kernel_surface *s, struct direction i,
-                              struct direction o, bool scaled)
+/*
+ * c_i over 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0, times smith_factor;
+ * height-correlated, energy-safe.  What it is the quotient of is free: factors that both
+ * have are dropped.
+ */
+INLINE lane smith_factor(struct model m)
 {
-    if (m.ndf == FACET_GGX) return m.shape == KERNEL_SHEARED ? ggx_smith(i, o) : ggx_smith_front(i, o);
-    real to = m.shape != KERNEL_SHEARED ? front_excess(m, s, o) : scaled ? excess_scaled(m, s, o) : excess(m, s, o);
-    return 4 * madd(real_max(o.c, splat(0)), i.c + front_excess(m, s, i), to * i.c);
+    return m.ndf == FACET_GGX ? 2 : 4;
+}
+
+INLINE struct fraction smith(struct model m, const struct kernel_surface *s, struct direction i, struct direction o)
+{
+    if (m.ndf == FACET_GGX) return ggx_smith(i, o);
+    if (m.ndf == FACET_BECKMANN && m.shape == KERNEL_SHEARED) return beckmann_smith(i, o);
+    real front = madd(real_max(o.c, splat(0)), i.c + front_excess(m, s, i), excess(m, s, o) * i.c);
+    return (struct fraction){ i.c, front };
+}
+
+/* Its denominator on a central surface, where both are lit. */
+INLINE real smith_front(struct model m, const struct kernel_surface *s, struct direction i, struct direction o)
+{
+    if (m.ndf == FACET_GGX) return ggx_smith_front(i, o);
+    if (m.ndf == FACET_BECKMANN) return beckmann_smith_front(i, o);
+    return smith(m, s, i, o).den;
 }
 
 /* Dupuy eq. 3.3 in 2.13: sigma_o z_i + z_o (sigma_i - z_i), which may vanish, and the sum of its magnitudes. */
@@ -135,7 +193,9 @@ INLINE struct fraction reflect(struct model m, const struct kernel_surface *s, s
 {
     switch (m.masking) {
     case KERNEL_SMITH:
-        return (struct fraction){ i.c, smith_denominator(m, s, i, o, scaled) };
+        if (m.shape != KERNEL_SHEARED) return (struct fraction){ i.c, smith_factor(m) * smith_front(m, s, i, o) };
+        struct fraction f = smith(m, s, i, o);
+        return (struct fraction){ select(less(splat(0), i.c), f.num, splat(0)), smith_factor(m) * f.den };
     case KERNEL_UNCORRELATED:
         return (struct fraction){ i.c, 4 * sigma(m, s, i) * (scaled ? sigma_scaled(m, s, o) : sigma(m, s, o)) };
     case KERNEL_VGROOVE:
@@ -161,63 +221,99 @@ INLINE real value_of(struct fraction f)
     return quotient(f.num, f.den);
 }
 
-INLINE real quantity_fr_cos(struct model m, const struct kernel_surface *s, struct direction i,
-                            struct direction o, struct half h)
+/*
+ * Where `where` is positive.  Of Beckmann's tail what counts as 0 becomes 0 before it
+ * becomes denormal, which processors are slow with; a value that is no number stays so.
+ */
+#define LEAST_VALUE (REAL_IS_FLOAT ? 1e-35 : 1e-250)
+INLINE real counted(struct model m, lane factor, real where, real value)
+{
+    if (m.ndf == FACET_BECKMANN && !COMPENSATED) where = real_min(value - R(LEAST_VALUE) / factor, where);
+    return select(less(splat(0), where), value, splat(0));
+}
+
+/* bare_x: quantity x over factor_of, fr over fr_factor. */
+INLINE real bare_fr_cos(struct model m, const struct kernel_surface *s, struct direction i,
+                        struct direction o, struct half h)
 {
     bool scaled = needs_scaling(m);
     struct fraction f = reflect(m, s, i, o, h, scaled);
-    struct fraction d = scaled ? density_scaled(m, s, h, o) : density(m, s, h);
+    struct fraction d = scaled ? bare_density_scaled(m, s, h, o) : bare_density(m, s, h);
     /* The fraction first: d and num may both be small, and so may num and den. */
-    return lit(i, o, saturated(value_of(d) * ratio(f.num, f.den)));
+    return counted(m, factor_of(m, s), real_min(i.z, o.z), saturated(value_of(d) * ratio(f.num, f.den)));
+}
+
+/* Smith's fr leaves more constants for last. */
+INLINE lane fr_factor(struct model m, const struct kernel_surface *s)
+{
+    bool more = m.masking == KERNEL_SMITH && (m.shape != KERNEL_SHEARED || REAL_IS_FLOAT) && !COMPENSATED;
+    return factor_of(m, s) / (more ? smith_factor(m) : R(1));
 }
 
 /* fr cos theta_i / cos theta_i, which cancels on a central Smith surface. */
-INLINE real quantity_fr(struct model m, const struct kernel_surface *s, struct direction i,
-                        struct direction o, struct half h)
+INLINE real bare_fr(struct model m, const struct kernel_surface *s, struct direction i,
+                    struct direction o, struct half h)
 {
     if (m.masking == KERNEL_SMITH && m.shape != KERNEL_SHEARED) {
-        struct fraction d = density(m, s, h);
-        return lit(i, o, saturated(quotient(d.num, d.den * smith_denominator(m, s, i, o, false))));
+        struct fraction d = bare_density(m, s, h);
+        real front = smith_front(m, s, i, o);
+        if (COMPENSATED) front = smith_factor(m) * front;
+        return counted(m, fr_factor(m, s), real_min(i.z, o.z), saturated(quotient(d.num, d.den * front)));
     }
 #if REAL_IS_FLOAT /* cosines are not so small that it matters what is multiplied first */
     if (m.masking == KERNEL_SMITH) {
-        struct fraction d = density_scaled(m, s, h, o);
-        real bottom = d.den * (i.z * smith_denominator(m, s, i, o, true));
-        return lit(i, o, select(less(splat(0), i.c), quotient(d.num * i.c, bottom), splat(0)));
+        struct fraction d = bare_density_scaled(m, s, h, o), f = smith(m, s, i, o);
+        real value = quotient(d.num * f.num, d.den * (i.z * f.den));
+        return counted(m, fr_factor(m, s), real_min(real_min(i.z, o.z), i.c), value);
     }
 #endif
-    return ratio(quantity_fr_cos(m, s, i, o, h), i.z);
+    return ratio(bare_fr_cos(m, s, i, o, h), i.z);
 }
 
 /* D / (4 sigma_o): visible-normal sampling, whatever the masking of the material. */
-INLINE real quantity_pdf(struct model m, const struct kernel_surface *s, struct direction i,
-                         struct direction o, struct half h)
+INLINE real bare_pdf(struct model m, const struct kernel_surface *s, struct direction i,
+                     struct direction o, struct half h)
 {
     (void)i;
-    struct fraction d = density_scaled(m, s, h, o);
-    return facing_up(h, saturated(quotient(d.num, d.den * real_max(4 * sigma_scaled(m, s, o), splat(REAL_MIN)))));
+    struct fraction d = bare_density_scaled(m, s, h, o);
+    real value = saturated(quotient(d.num, d.den * real_max(4 * sigma_scaled(m, s, o), splat(REAL_MIN))));
+    return counted(m, factor_of(m, s), h.hz, value);
 }
 
-INLINE real quantity_d(struct model m, const struct kernel_surface *s, struct direction i,
-                       struct direction o, struct half h)
+INLINE real bare_d(struct model m, const struct kernel_surface *s, struct direction i,
+                   struct direction o, struct half h)
 {
     (void)i, (void)o;
-    return facing_up(h, saturated(value_of(density(m, s, h))));
+    return counted(m, factor_of(m, s), h.hz, saturated(value_of(bare_density(m, s, h))));
 }
 
-INLINE real quantity_d_vis(struct model m, const struct kernel_surface *s, struct direction i,
-                           struct direction o, struct half h)
+INLINE real bare_d_vis(struct model m, const struct kernel_surface *s, struct direction i,
+                       struct direction o, struct half h)
 {
     (void)i;
     real length = root_from_zero(h.hh);                               /* |H| times scale */
     real facing_o = R(0.5) * quotient(length, h.scale);      /* wo.h, that is cos theta_d */
     if (m.masking == KERNEL_VGROOVE)
-        return facing_up(h, saturated(saturated(value_of(density(m, s, h))) * ratio(facing_o * vgroove_visible(h, o.c), o.c)));
+        return facing_up(h, saturated(saturated(value_of(bare_density(m, s, h))) * ratio(facing_o * vgroove_visible(h, o.c), o.c)));
     if (m.masking == KERNEL_NONE)
-        return facing_up(h, saturated(value_of(density(m, s, h))) * quotient(h.hz, real_max(length, splat(REAL_MIN))));
-    struct fraction d = density_scaled(m, s, h, o);
-    return facing_up(h, saturated(quotient(d.num * facing_o, d.den * real_max(sigma_scaled(m, s, o), splat(REAL_MIN)))));
+        return facing_up(h, saturated(value_of(bare_density(m, s, h))) * quotient(h.hz, real_max(length, splat(REAL_MIN))));
+    struct fraction d = bare_density_scaled(m, s, h, o);
+    real value = saturated(quotient(d.num * facing_o, d.den * real_max(sigma_scaled(m, s, o), splat(REAL_MIN))));
+    return counted(m, factor_of(m, s), h.hz, value);
 }
+
+#define WITH_FACTOR(x, factor)                                                                  \
+    INLINE real quantity_##x(struct model m, const struct kernel_surface *s, struct direction i, \
+                             struct direction o, struct half h)                                 \
+    {                                                                                           \
+        return bare_##x(m, s, i, o, h) * factor(m, s);                                          \
+    }
+WITH_FACTOR(fr_cos, factor_of)
+WITH_FACTOR(fr, fr_factor)
+WITH_FACTOR(pdf, factor_of)
+WITH_FACTOR(d, factor_of)
+WITH_FACTOR(d_vis, factor_of)
+#undef WITH_FACTOR
 
 /* x / sigma from x / the scaled sigma, which is right until the quotient itself leaves the range. */
 INLINE real unscale(struct model m, struct direction k, real quotient_)

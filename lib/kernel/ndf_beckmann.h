@@ -11,8 +11,13 @@
 #include "surface.h"
 #include "vmath.h"
 
-/* Of v_o^2 behind the mean facet: its rounding is the exponent's absolute error. */
-#define BEHIND_MAX (REAL_IS_FLOAT ? R(24) : R(1e3))
+/* The largest |v_o| behind the mean facet: the rounding of its square is the exponent's absolute error. */
+#define BEHIND_MAX (REAL_IS_FLOAT ? R(INVERSE_PSI_END) : R(31))
+
+INLINE struct cotangent beckmann_cotangent(struct direction k)
+{
+    return cotangent_of(k.c, real_max(k.s2, splat(REAL_MIN)));
+}
 
 INLINE real beckmann_tail(struct direction k, real s)
 {
@@ -26,7 +31,7 @@ INLINE pair beckmann_v2(struct direction k)
     pair c2 = pair_product(k.c, k.c, 2 * k.c_low);
     return pair_quotient(c2, (pair){ real_max(k.s2, splat(REAL_MIN)), k.s2_low });
 #else
-    return (pair){ R(EXPONENT_UNIT) * (k.c * k.c) * recip_fine(real_max(k.s2, splat(REAL_MIN))), splat(0) };
+    return (pair){ R(EXPONENT_UNIT) * quotient_fine(k.c * k.c, real_max(k.s2, splat(REAL_MIN))), splat(0) };
 #endif
 }
 
@@ -43,8 +48,8 @@ INLINE real beckmann_front_excess(struct direction k)
     real s = root_from_zero(k.s2);
     return s * psi_x(beckmann_tail(k, s)) * exp_minus(k.c * k.c / real_max(k.s2, splat(REAL_MIN)));
 #else
-    real inverse = rsqrt(real_max(k.s2, splat(REAL_MIN)));
-    return k.s2 * inverse * excess_front(k.c * inverse);
+    struct cotangent t = beckmann_cotangent(k);
+    return t.s * excess_front(t.v);
 #endif
 }
 
@@ -58,59 +63,82 @@ INLINE real beckmann_excess_scaled(struct direction k)
     return select(behind, s * psi_x(beckmann_tail(k, s)), front);
 }
 
-/* x^2 + y^2 over z^2, in EXPONENT_UNIT; inverse: 1/H_z. */
-INLINE pair beckmann_exponent(const struct kernel_surface *s, enum kernel_shape shape, struct half h, real inverse)
+/*
+ * c_i over sigma_o c_i + (sigma_i - c_i) max(c_o, 0), for c_i > 0, or exp(-v_o^2)
+ * times it where c_o < 0: there c_i cancels, and what psi divides is multiplied by 1/psi.
+ */
+INLINE struct fraction beckmann_smith(struct direction i, struct direction o)
+{
+    mask behind = less(o.c, splat(0));
+    real to_i = i.c + beckmann_front_excess(i), up = real_max(o.c, splat(0));
+#if REAL_IS_FLOAT
+    struct cotangent t = beckmann_cotangent(o);
+    real front = madd(up, to_i, i.c * (t.s * excess_front(t.v)));
+    return (struct fraction){ select(behind, inverse_psi(-t.v), i.c), select(behind, t.s, front) };
+#else
+    real to = beckmann_excess_scaled(o);
+    return (struct fraction){ select(behind, splat(1), i.c), select(behind, to, madd(up, to_i, i.c * to)) };
+#endif
+}
+
+/* The denominator where c > 0 is known of both. */
+INLINE real beckmann_smith_front(struct direction i, struct direction o)
+{
+    return madd(o.c, i.c + beckmann_front_excess(i), beckmann_front_excess(o) * i.c);
+}
+
+/* x^2 + y^2 over z^2, in EXPONENT_UNIT; inverse2: 1/H_z^2. */
+INLINE pair beckmann_exponent(const struct kernel_surface *s, enum kernel_shape shape, struct half h, real inverse2)
 {
 #if COMPENSATED
-    (void)inverse;
+    (void)inverse2;
     pair flat = pair_add(pair_multiply(h.wide_x, h.wide_x), pair_multiply(h.wide_y, h.wide_y));
     pair z = shape == KERNEL_ISO ? pair_multiply(h.wide_z, (pair){ splat(s->alpha_x), splat(0) }) : h.wide_z;
     return pair_quotient(flat, pair_multiply(z, z));
 #else
-    if (shape == KERNEL_ISO) return (pair){ h.flat * (inverse * inverse) * R(EXPONENT_UNIT * s->inverse_alpha2), splat(0) };
-    return (pair){ madd(h.x, h.x, h.y * h.y) * (inverse * inverse) * R(EXPONENT_UNIT * s->inverse_weight2), splat(0) };
+    if (shape == KERNEL_ISO) return (pair){ h.flat * R(EXPONENT_UNIT * s->inverse_alpha2) * inverse2, splat(0) };
+    return (pair){ madd(h.x, h.x, h.y * h.y) * R(EXPONENT_UNIT) * inverse2, splat(0) };
 #endif
 }
 
-/* exp(-exponent) sec^4 / (pi det). */
-INLINE real beckmann_value(const struct kernel_surface *s, struct half h, real inverse, pair exponent)
+/* exp(LIFT ln 2 - exponent) sec^4. */
+INLINE real beckmann_value(struct half h, real inverse2, pair exponent)
 {
-    real sec2 = h.hh * (inverse * inverse);
-    real value = exp_lifted(exponent) * sec2 * (sec2 * R(s->peak * (LIFT ? 0x1p-64 : 1)));
+    real sec2 = h.hh * inverse2;
+    real value = exp_lifted(exponent) * sec2 * sec2;
 #if COMPENSATED
     value = select(less(exponent.hi, splat(EXP_DOMAIN)), value, splat(0));
-#elif !HAS_SCALE
-    value = select(less(exponent.hi, splat(EXPONENT_MAX)), value, splat(0));
 #endif
     return value;
 }
 
 INLINE real beckmann_density(const struct kernel_surface *s, enum kernel_shape shape, struct half h)
 {
-    real inverse = recip_fine(h.hz);
-    return beckmann_value(s, h, inverse, beckmann_exponent(s, shape, h, inverse));
+    real inverse2 = recip_fine(h.hz * h.hz);
+    return beckmann_value(h, inverse2, beckmann_exponent(s, shape, h, inverse2));
 }
 
 /*
  * exp(v_o^2) D where c_o < 0.  The exponent is a difference: in precise of pairs,
- * in the other tiers where v_o^2 is no larger than BEHIND_MAX, which the kernel
+ * in the other tiers where |v_o| is no larger than BEHIND_MAX, which the kernel
  * calls a stray.
  */
 INLINE real beckmann_density_scaled(const struct kernel_surface *s, struct half h, struct direction o)
 {
-    real inverse = recip_fine(h.hz);
-    pair t = beckmann_exponent(s, KERNEL_SHEARED, h, inverse), v2 = beckmann_v2(o);
+    real inverse2 = recip_fine(h.hz * h.hz);
+    pair t = beckmann_exponent(s, KERNEL_SHEARED, h, inverse2), v2 = beckmann_v2(o);
     mask behind = less(o.c, splat(0));
-    if (!any(behind)) return beckmann_value(s, h, inverse, t);
 #if COMPENSATED
+    if (!any(behind)) return beckmann_value(h, inverse2, t);
     pair rest = pair_add(t, (pair){ -v2.hi, -v2.lo });
-#else
-    pair rest = { t.hi - v2.hi, splat(0) };
-#endif
     /* The difference is never negative but by its rounding. */
     mask some = less(splat(0), rest.hi);
     rest = (pair){ select(some, rest.hi, splat(0)), select(some, rest.lo, splat(0)) };
-    return beckmann_value(s, h, inverse, (pair){ select(behind, rest.hi, t.hi), select(behind, rest.lo, t.lo) });
+    return beckmann_value(h, inverse2, (pair){ select(behind, rest.hi, t.hi), select(behind, rest.lo, t.lo) });
+#else
+    t.hi = select(behind, real_max(t.hi - v2.hi, splat(0)), t.hi);
+    return beckmann_value(h, inverse2, t);
+#endif
 }
 
 INLINE real beckmann_sigma(struct direction k)

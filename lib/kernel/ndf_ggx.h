@@ -2,7 +2,7 @@
  * ndf_ggx.h - GGX (Trowbridge-Reitz; Walter 2007), standard slope density
  * P = 1 / (pi (1 + r^2)^2).
  *
- * Every ndf offers: density, D at a half vector that points up; excess,
+ * Every ndf offers: density, D pi det at a half vector that points up; excess,
  * sigma(k) - max(c, 0), and front_excess, the same where c >= 0 is known; and
  * density and excess divided by a common factor that keeps D / sigma(wo) finite
  * where both underflow (1 here; exp(-v_o^2) for Beckmann seen from behind).
@@ -12,10 +12,10 @@
 
 #include "surface.h"
 
-/* A sum of squares over a sum of squares, squared: weight^4 = pi det. */
+/* A sum of squares over a sum of squares, squared. */
 INLINE struct fraction ggx_density(enum kernel_shape shape, struct half h)
 {
-    real sum = weighted_square(shape, h);
+    real sum = standard_square(shape, h);
     return (struct fraction){ h.hh * h.hh, sum * sum };
 }
 
@@ -36,18 +36,18 @@ INLINE real ggx_sigma(struct direction k)
     return select(less(splat(0), k.c), R(0.5) * (k.c + r), below);
 }
 
-/* 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)) for c_i > 0. */
-INLINE real ggx_smith(struct direction i, struct direction o)
+/* c_i over 2 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0; where c_o < 0, c_i and a quotient cancel. */
+INLINE struct fraction ggx_smith(struct direction i, struct direction o)
 {
-    real front = 2 * madd(o.c, ggx_length(i), i.c * ggx_length(o));
+    real ro = ggx_length(o), front = madd(o.c, ggx_length(i), i.c * ro);
     mask behind = less(o.c, splat(0));
-    return any(behind) ? select(behind, 4 * i.c * ggx_excess(o), front) : front;
+    return (struct fraction){ select(behind, ro - o.c, i.c), select(behind, o.s2, front) };
 }
 
-/* The same where c > 0 is known of both. */
+/* The denominator where c > 0 is known of both. */
 INLINE real ggx_smith_front(struct direction i, struct direction o)
 {
-    return 2 * madd(o.c, ggx_length(i), i.c * ggx_length(o));
+    return madd(o.c, ggx_length(i), i.c * ggx_length(o));
 }
 
 #endif

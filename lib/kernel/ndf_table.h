@@ -36,7 +36,7 @@ INLINE real table_density(const struct kernel_surface *s, struct half h)
 {
     real r = root_from_zero(madd(h.x, h.x, h.y * h.y)), bz = R(s->table->slope_scale) * real_abs(h.z);
     real inverse = recip(bz + r), near = R(s->table->slope_scale) * inverse;
-    real q = R(SQRT_PI) * h.hh * near * near; /* weight^4 = pi det */
+    real q = R(SQRT_PI) * h.hh * near * near;
     return q * q * exp_any(cubic_at(s->table->log_q, r * inverse));
 }
 

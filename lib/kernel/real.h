@@ -3,7 +3,7 @@
  * wide the linear forms are that feed the formulas.
  *
  *   draft    estimates of reciprocals and roots as they come
- *   fast     float, estimates refined to the last digit or so
+ *   fast     float, right to the last digit or so
  *   exact32  double, estimates refined to 2e-13: a float's rounding is what is left
  *   precise  double, and double-double where terms cancel
  *
@@ -20,27 +20,32 @@
 #define COMPENSATED 0
 #endif
 
+#if defined(FACET_TIER_draft)
+#define DRAFT 1
+#else
+#define DRAFT 0
+#endif
+
 #define SQRT_PI 1.77245385090551602730
 #define ONE_OVER_PI 0.318309886183790671538
 
 /*
- * How an estimate y of relative error e is refined, by the tier and the estimate:
- * to e^2 (Newton), to e^3 (Halley), or not at all; EXACT: the processor's own
- * division and root.
+ * How quotients and roots are had: by the processor's own instructions (EXACT), by
+ * an estimate y of relative error e refined to e^3 (HALLEY), or by the estimate
+ * as it comes (NOT).  The divider works beside the multipliers: a quotient or root
+ * takes one or two of their cycles, an estimate and Newton's step four, so that
+ * float loops, which have few of them, are faster with the exact ones.
  */
 #define REFINE_NOT 0
-#define REFINE_NEWTON 1
-#define REFINE_HALLEY 2
-#define REFINE_EXACT 3
+#define REFINE_HALLEY 1
+#define REFINE_EXACT 2
 
-#if HAS_ESTIMATES == 0 || defined(FACET_TIER_precise)
-#define REFINE REFINE_EXACT
-#elif defined(FACET_TIER_draft)
-#define REFINE (HAS_ESTIMATES == 14 ? REFINE_NOT : REFINE_NEWTON)
-#elif defined(FACET_TIER_fast)
-#define REFINE (HAS_ESTIMATES == 14 ? REFINE_NEWTON : HAS_FMA ? REFINE_HALLEY : REFINE_EXACT)
-#else
+#if HAS_ESTIMATES == 14 && defined(FACET_TIER_draft)
+#define REFINE REFINE_NOT
+#elif HAS_ESTIMATES == 14 && defined(FACET_TIER_exact32)
 #define REFINE REFINE_HALLEY
+#else
+#define REFINE REFINE_EXACT
 #endif
 
 #if HAS_ESTIMATES
@@ -49,8 +54,7 @@ INLINE real recip_refined(real x, int how)
     real y = recip_estimate(x);
     if (how == REFINE_NOT) return y;
     real e = nmadd(x, y, splat(1));
-    if (how == REFINE_HALLEY) e = madd(e, e, e);
-    return madd(e, y, y);
+    return madd(madd(e, e, e), y, y);
 }
 
 INLINE real rsqrt_refined(real x, int how)
@@ -58,12 +62,21 @@ INLINE real rsqrt_refined(real x, int how)
     real y = rsqrt_estimate(x);
     if (how == REFINE_NOT) return y;
     real e = nmadd(x * y, y, splat(1));
-    real half = how == REFINE_HALLEY ? madd(e, splat(R(0.375)), splat(R(0.5))) : splat(R(0.5));
-    return madd(half * e, y, y);
+    return madd(madd(e, splat(R(0.375)), splat(R(0.5))) * e, y, y);
+}
+
+/* sqrt(x) by an estimate of 1/sqrt(x), whose step goes into the product. */
+INLINE real root_refined(real x, int how)
+{
+    real y = rsqrt_estimate(x), s = x * y;
+    if (how == REFINE_NOT) return s;
+    real e = nmadd(s, y, splat(1));
+    return madd(R(0.5) * s, madd(R(0.75) * e, e, e), s);
 }
 #else
 INLINE real recip_refined(real x, int how) { (void)how; return 1 / x; }
 INLINE real rsqrt_refined(real x, int how) { (void)how; return 1 / real_sqrt(x); }
+INLINE real root_refined(real x, int how) { (void)how; return real_sqrt(x); }
 #endif
 
 /* 1/x, x > 0 (no less than REAL_MIN). */
@@ -82,21 +95,6 @@ INLINE real rsqrt(real x)
     return REFINE == REFINE_EXACT ? 1 / real_sqrt(x) : rsqrt_refined(x, REFINE);
 }
 
-/* sqrt(x) by an estimate of 1/sqrt(x), whose step goes into the product. */
-INLINE real root_refined(real x, int how)
-{
-#if HAS_ESTIMATES
-    real y = rsqrt_estimate(x), s = x * y;
-    if (how == REFINE_NOT) return s;
-    real e = nmadd(s, y, splat(1)), half = R(0.5) * s;
-    if (how == REFINE_HALLEY) e = madd(R(0.75) * e, e, e);
-    return madd(half, e, s);
-#else
-    (void)how;
-    return real_sqrt(x);
-#endif
-}
-
 /* sqrt(x), x > 0; of 0 it may be not a number (a stray), root_from_zero gives 0. */
 INLINE real root(real x)
 {
@@ -108,17 +106,37 @@ INLINE real root_from_zero(real x)
     return REFINE == REFINE_EXACT ? real_sqrt(x) : root_refined(real_max(x, splat(REAL_MIN)), REFINE);
 }
 
-#define REFINE_FINE (REFINE == REFINE_NOT ? REFINE_NEWTON : REFINE)
-
-/* At least Newton's step, for what a difference or an exponent will magnify. */
+/* To rounding in draft too: for what a difference or an exponent will magnify. */
 INLINE real root_fine(real x)
 {
-    return REFINE == REFINE_EXACT ? real_sqrt(x) : root_refined(x, REFINE_FINE);
+    return REFINE == REFINE_HALLEY ? root_refined(x, REFINE) : real_sqrt(x);
 }
 
 INLINE real recip_fine(real x)
 {
-    return REFINE == REFINE_EXACT ? 1 / x : recip_refined(x, REFINE_FINE);
+    return REFINE == REFINE_HALLEY ? recip_refined(x, REFINE) : 1 / x;
+}
+
+INLINE real quotient_fine(real a, real b)
+{
+    return REFINE == REFINE_HALLEY ? a * recip_refined(b, REFINE) : a / b;
+}
+
+/* s = sqrt(s2) and c / s, s2 >= REAL_MIN, for what varies slowly: in draft any estimate will do. */
+struct cotangent {
+    real s, v;
+};
+
+INLINE struct cotangent cotangent_of(real c, real s2)
+{
+#if HAS_ESTIMATES
+    if (REAL_IS_FLOAT ? DRAFT : REFINE == REFINE_HALLEY) {
+        real inverse = DRAFT ? rsqrt_estimate(s2) : rsqrt(s2);
+        return (struct cotangent){ s2 * inverse, c * inverse };
+    }
+#endif
+    real s = root(s2);
+    return (struct cotangent){ s, quotient(c, s) };
 }
 
 /* ---- pairs: unevaluated sums hi + lo --------------------------------------------- */

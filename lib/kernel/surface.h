@@ -33,9 +33,9 @@ struct given {
     pair ci, co;       /* cosines with the mean facet (sheared only) */
 };
 
-/* The half vector, up to a power of two, in standard slopes times weight (kernels.h). */
+/* The half vector, up to a power of two, in standard slopes. */
 struct half {
-    real x, y, z;      /* weight (X, Y, H_z): minus standard slopes times H_z, and H_z */
+    real x, y, z;      /* minus standard slopes times H_z, and H_z */
     real flat;         /* H_x^2 + H_y^2 */
     real iso_sum;      /* isotropic: their squares summed, and x, y are those of H itself */
     pair wide_x, wide_y, wide_z; /* for exponents (precise): det (X, Y, H_z), or H itself where isotropic */
@@ -54,6 +54,22 @@ INLINE pair mean_cosine_of_doubles(const struct kernel_surface *s, struct double
     for (int j = 0; j < 2; j++)
         z.half[j] = half_nmadd(x.half[j], s->slope_x, half_nmadd(y.half[j], s->slope_y, z.half[j]));
     return (pair){ narrow(z), splat(0) };
+}
+#endif
+
+/* The largest sum of the magnitudes that c is made of. */
+INLINE double lean_of(const struct kernel_surface *s)
+{
+    return 1 + __builtin_fabs(s->slope_x) + __builtin_fabs(s->slope_y);
+}
+
+#if REAL_IS_FLOAT
+/* In float c is right to 1.5 2^-24 lean_of: 2.3e-5 of it where it is no less than this times lean_of. */
+#define UNSURE_COSINE 0x1p-8
+
+INLINE pair mean_cosine_of_floats(const struct kernel_surface *s, struct vec3 k)
+{
+    return (pair){ nmadd(k.x, splat(R(s->slope_x)), nmadd(k.y, splat(R(s->slope_y)), k.z)), splat(0) };
 }
 #endif
 
@@ -131,19 +147,20 @@ INLINE real scale_of(struct vec3 h)
 INLINE void standard_slopes(const struct kernel_surface *s, wide mean_x, wide mean_y, real scale,
                             struct half *h)
 {
-    wide cross = wide_madd(mean_y, s->alpha_x, 0, wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
 #if COMPENSATED
+    wide cross = wide_madd(mean_y, s->alpha_x, 0, wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
     /* scale goes first: scale times a parameter overflows where H is subnormal */
     pair x = { mean_x.hi * scale, mean_x.lo * scale }, y = { cross.hi * scale, cross.lo * scale };
-    h->x = x.hi * s->weight_x;
-    h->y = y.hi * s->weight_y;
+    /* Rounded once, what det's double lacks included: D has the fourth power. */
+    h->x = x.hi / s->alpha_x;
+    h->y = (y.hi + nmadd(y.hi, splat(s->det_low / s->det), y.lo)) / s->det;
     h->wide_x = pair_multiply(x, (pair){ splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low) });
     h->wide_y = y;
     h->wide_z = pair_multiply(h->wide_z, (pair){ splat(s->det), splat(s->det_low) });
 #else
     (void)scale;
-    h->x = mean_x * R(s->weight_x);
-    h->y = cross * R(s->weight_y);
+    h->x = mean_x * R(s->inverse_x);
+    h->y = nmadd(mean_x, splat(R(s->tilt)), mean_y * R(s->inverse_y));
 #endif
 }
 
@@ -166,10 +183,10 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
     h.flat = madd(h.x, h.x, h.y * h.y);
     h.hh = h.flat + tall;
     if (shape == KERNEL_ISO) {
-        h.iso_sum = madd(h.flat, splat(R(s->iso_flat)), tall * R(s->iso_tall));
+        h.iso_sum = madd(h.flat, splat(R(s->inverse_alpha2)), tall);
         return h;
     }
-    h.z = R(s->weight) * h.hz;
+    h.z = h.hz;
     if (shape == KERNEL_SHEARED) {
         mean_x = wide_madd(up, s->slope_x, 0, mean_x);
         mean_y = wide_madd(up, s->slope_y, 0, mean_y);
@@ -178,8 +195,8 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
     return h;
 }
 
-/* weight^2 (X^2 + Y^2 + H_z^2). */
-INLINE real weighted_square(enum kernel_shape shape, struct half h)
+/* X^2 + Y^2 + H_z^2. */
+INLINE real standard_square(enum kernel_shape shape, struct half h)
 {
     if (shape == KERNEL_ISO) return h.iso_sum;
     return madd(h.x, h.x, madd(h.y, h.y, h.z * h.z));

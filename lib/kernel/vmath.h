@@ -20,16 +20,27 @@
 #endif
 
 /* Horner, written out by the preprocessor. */
-#define POLY_FIRST(c) y_ = splat(R(c));
-#define POLY_STEP(c) y_ = madd(y_, x_, splat(R(c)));
-#define POLY(coefficients, x)                                                   \
+#define HORNER_STEP(c) y_ = madd(y_, x_, splat(R(c)));
+#define HORNER(coefficients, x)                                                 \
     __extension__({                                                             \
         real x_ = (x), y_;                                                      \
-        coefficients(POLY_FIRST, POLY_STEP) y_;                                 \
+        coefficients(POLY_FIRST, HORNER_STEP, HORNER_STEP) y_;                  \
+    })
+#define POLY_FIRST(c) y_ = splat(R(c));
+
+/* The even and the odd powers each by Horner: half as long a chain for one product more. */
+#define POLY_SECOND(c) z_ = splat(R(c));
+#define POLY_STEP(c) next_ = madd(y_, x2_, splat(R(c))), y_ = z_, z_ = next_;
+#define POLY(coefficients, x)                                                   \
+    __extension__({                                                             \
+        real x_ = (x), x2_ = x_ * x_, y_, z_, next_;                            \
+        coefficients(POLY_FIRST, POLY_SECOND, POLY_STEP) madd(y_, x_, z_);      \
     })
 
 #if defined(FACET_TIER_draft)
 #define TIER_COEFFICIENTS(name) name##_DRAFT
+#undef POLY
+#define POLY HORNER /* short as they are */
 #elif defined(FACET_TIER_fast)
 #define TIER_COEFFICIENTS(name) name##_FAST
 #elif defined(FACET_TIER_exact32)
@@ -77,16 +88,20 @@ INLINE real exp_minus_pair(pair x)
 #define EXPONENT_UNIT 1.44269504088896340736
 /* What keeps a factor exp(-t) of a larger product normal in float. */
 #define LIFT (REAL_IS_FLOAT ? 64 : 0)
-#define EXPONENT_MAX (HAS_SCALE ? R(1e4) : REAL_IS_FLOAT ? R(189) : R(1020))
+/* Where 2^(LIFT - x) counts as 0: there its exponent's bits are 0, or scaled_by says so. */
+#define EXPONENT_MAX R(SCALES ? 1e4 : EXP_BIAS + LIFT)
+/* scaled_by is short, but slow where it underflows: a gain in the shortest loops alone. */
+#define SCALES (HAS_SCALE && DRAFT)
 
-/* 2^(LIFT - x) for x >= 0; beyond EXPONENT_MAX 0, or as small as there. */
+/* 2^(LIFT - x) for x >= 0; from EXPONENT_MAX on 0. */
 INLINE real exp_lifted(pair x)
 {
     real most = real_min(x.hi, splat(EXPONENT_MAX));
-    real shifted = R(EXP_MAGIC) - most, n = shifted - R(EXP_MAGIC), power = TIER_POLY(EXP2, -most - n);
-#if HAS_SCALE
-    return scaled_by(power, n + R(LIFT));
+#if SCALES
+    real n = nearest(most);
+    return scaled_by(TIER_POLY(EXP2, n - most), R(LIFT) - n);
 #else
+    real shifted = R(EXP_MAGIC) - most, n = shifted - R(EXP_MAGIC), power = TIER_POLY(EXP2, -most - n);
     return power * (real)(((bits)shifted + (EXP_BIAS + LIFT)) << EXP_SHIFT);
 #endif
 }
@@ -153,8 +168,15 @@ INLINE real erfcx_tail(real w)
 /* e(v) = (exp(-v^2)/sqrt(pi) - v erfc v)/2, v >= 0, right to max(v, e) and not to e itself. */
 INLINE real excess_front(real v)
 {
-    const lane end = R(TIER_COEFFICIENTS(EXCESS_END));
-    return TIER_POLY(EXCESS, madd(real_min(v, splat(end)), splat(2 / end), splat(-1)));
+    return TIER_POLY(EXCESS, real_min(v, splat(R(TIER_COEFFICIENTS(EXCESS_END)))));
+}
+#endif
+
+#if REAL_IS_FLOAT
+/* 1 / psi(v), 0 <= v <= INVERSE_PSI_END. */
+INLINE real inverse_psi(real v)
+{
+    return TIER_POLY(INVERSE_PSI, v);
 }
 #endif
 

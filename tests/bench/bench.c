@@ -43,11 +43,11 @@ enum { VARIANTS = sizeof variants / sizeof *variants };
 static const struct draw_domain iso_domain = {.alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0, .slope_max = 0, .cosine_min = 1e-6};
 static const struct draw_domain full_domain = {.alpha_min = 0.05, .alpha_max = 2, .rho_max = 0.7, .slope_max = 0.3, .cosine_min = 1e-3};
 
-/* Pairs in both types: the doubles hold what the floats hold. */
+/* Pairs in both types: the doubles hold what the floats hold.  On cache lines, as large batches are. */
 struct pairs {
     size_t n;
-    double d[6][PAIRS];
-    float f[6][PAIRS];
+    _Alignas(64) double d[6][PAIRS];
+    _Alignas(64) float f[6][PAIRS];
 };
 
 static double now_ns(void)

@@ -89,6 +89,16 @@ def roofline(rows, isa, kernels):
         print(f'| {name} | {r["tier"]} | {count} | {floor:.2f} | {measured:.2f} | {measured / floor:.1f} |')
 
 
+def specialised(rows):
+    """What each specialised loop gains over the general one, by instruction set; a gain below 5 % does not earn its place."""
+    for isa in dict.fromkeys(r["isa"] for r in rows):
+        print(f"\n### specialised loops, {isa}: how much longer the general loop takes (%)\n")
+        print("| loop | ndf | " + " | ".join(TIERS) + " |\n|---|---|" + "---|" * len(TIERS))
+        for loop, ndf in dict.fromkeys((r["loop"], r["ndf"]) for r in rows if r["isa"] == isa):
+            mine = {r["tier"]: r for r in rows if (r["loop"], r["ndf"], r["isa"]) == (loop, ndf, isa)}
+            print(f"| {loop} | {ndf} | " + " | ".join(f'{100 * r["gain"]:.0f}' if (r := mine.get(t)) else "–" for t in TIERS) + " |")
+
+
 def main():
     rows, folder = rows_of(sys.argv[1]), sys.argv[2]
     isas = list(dict.fromkeys(r["isa"] for r in rows))
@@ -96,6 +106,7 @@ def main():
         table(rows, isa)
     others(rows, isas[-1])
     roofline(rows, isas[-1], sys.argv[3])
+    specialised(rows_of(f"{folder}/specialised.json"))
     pareto(rows, isas[-1], folder)
 
 
