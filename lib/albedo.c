@@ -47,7 +47,7 @@ struct albedo {
     size_t kinks;
     bool has_root; /* F leaves a kink like a square root */
     double *breaks, *pieces; /* in u, and 0, 1, 2 .. */
-    struct integrate_panel *radius, *angle, *cosine, *azimuth;
+    struct integrate_panel *radius, *angle, *theta, *azimuth;
     /* Of the direction at hand: */
     struct albedo_view view;
     bool half, behind;
@@ -55,7 +55,7 @@ struct albedo {
     /* Of the ray at hand: */
     struct albedo_ray ray;
     /* Of the mean: */
-    double azimuth_at, tolerance;
+    double azimuth_at, edge, tolerance; /* edge: theta_o at c_o = 0, or the horizon */
     const double *size; /* what the tolerance is relative to; NULL: each albedo */
 };
 
@@ -285,19 +285,35 @@ static facet_status integrate_direction(struct albedo *a, double x, double y, do
 
 /* ---- The mean -------------------------------------------------------------------------- */
 
-/* 2 mu albedo(mu, azimuth): its mean over mu in [0, 1] and the azimuth is the answer. */
-static facet_status along_cosine(void *user, const double at[POINTS], struct integral of[POINTS])
+/*
+ * theta_o at t in [0, 2]: before the mean facet up to 1, behind it from there.  Next to its edge c_o = 0 the
+ * albedo is about c_o log c_o, which a step that is flat there smooths.
+ */
+static double theta_of(double edge, double t, double *dtheta_dt)
+{
+    double behind = PI / 2 - edge, left = 1 - t;
+    *dtheta_dt = t > 1 ? behind : behind > 0 ? 2 * edge * left : edge;
+    return t > 1 ? edge - behind * left : behind > 0 ? edge * (1 - left * left) : edge * t;
+}
+
+/*
+ * 2 cos theta sin theta albedo(theta, azimuth): its integral over theta in [0, pi/2], the mean of that over
+ * the azimuth, is the answer.  Not over the cosine: a sheared surface's albedo is no even function of theta,
+ * and has a root at cosine 1.
+ */
+static facet_status along_theta(void *user, const double at[POINTS], struct integral of[POINTS])
 {
     struct albedo *a = user;
     double x = cos(a->azimuth_at), y = sin(a->azimuth_at);
     for (int i = 0; i < POINTS; i++) {
         facet_albedo_value one;
-        double mu = at[i], sine = sqrt((1 - mu) * (1 + mu));
+        double dtheta_dt, theta = theta_of(a->edge, at[i], &dtheta_dt);
+        double mu = cos(theta), sine = sin(theta), weight = 2 * mu * sine * dtheta_dt;
         facet_status status = integrate_direction(a, x * sine, y * sine, mu, 0.5 * a->tolerance, a->size, &one);
         if (status) return status;
         for (size_t c = 0; c < a->channels; c++) {
-            of[i].value[c] = 2 * mu * one.value[c];
-            of[i].error[c] = 2 * mu * one.error[c];
+            of[i].value[c] = weight * one.value[c];
+            of[i].error[c] = weight * one.error[c];
         }
     }
     return FACET_OK;
@@ -316,13 +332,14 @@ static struct integrate mean_rule(struct albedo *a, integrand_fn *fn, double sha
 }
 
 /* Along an azimuth the mean facet is left behind, c_o = 0, where the energy-safe form bends. */
-static facet_status over_cosine(struct albedo *a, struct integral *sum)
+static facet_status over_theta(struct albedo *a, struct integral *sum)
 {
     const facet_roughness *r = &a->surface.roughness;
     double lean = r->slope_x * cos(a->azimuth_at) + r->slope_y * sin(a->azimuth_at);
-    const double ends[] = { 0, lean > 0 ? lean / hypot(1, lean) : 0, 1 };
-    struct integrate rule = mean_rule(a, along_cosine, 0.75, a->cosine);
-    return facet_integrate(&rule, ends, 3, sum);
+    const double ends[] = { 0, 1, 2 };
+    struct integrate rule = mean_rule(a, along_theta, 0.75, a->theta);
+    a->edge = lean > 0 ? atan2(1, lean) : PI / 2;
+    return facet_integrate(&rule, ends, lean > 0 ? 3 : 2, sum);
 }
 
 static facet_status around_azimuth(void *user, const double at[POINTS], struct integral of[POINTS])
@@ -331,7 +348,7 @@ static facet_status around_azimuth(void *user, const double at[POINTS], struct i
     facet_status status = FACET_OK;
     for (int i = 0; i < POINTS && !status; i++) {
         a->azimuth_at = at[i];
-        status = over_cosine(a, &of[i]);
+        status = over_theta(a, &of[i]);
     }
     return status;
 }
@@ -343,9 +360,12 @@ static facet_status integrate_mean(struct albedo *a, double tolerance, const dou
     a->tolerance = tolerance;
     a->size = size;
     a->azimuth_at = 0;
-    if (a->half) return over_cosine(a, sum);
-    /* The axes of a central surface are its mirrors; a lean ends across the mean slope. */
-    size_t quarters = is_central(r) ? 1 : 4;
+    if (a->half) return over_theta(a, sum);
+    /*
+     * The axes of a central surface are its mirrors, and the mean slope that of an isotropic one; a lean
+     * ends across the mean slope.
+     */
+    size_t quarters = is_central(r) ? 1 : r->alpha_x == r->alpha_y && r->rho == 0 ? 2 : 4;
     double turn = (double)quarters * PI / 2, breaks[5];
     double axis = is_central(r) ? -facet_roughness_to_ellipse(r).phi : atan2(r->slope_y, r->slope_x);
     for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * PI / 2;
@@ -379,8 +399,8 @@ static bool allocate(struct albedo *a)
     for (size_t i = 0; i < breaks && a->pieces; i++) a->pieces[i] = (double)i;
     a->radius = malloc((RADIUS_PANELS + breaks) * sizeof *a->radius);
     a->angle = malloc((ANGLE_PANELS + 2 * OUTER_PANELS) * sizeof *a->angle);
-    a->cosine = a->angle ? a->angle + ANGLE_PANELS : NULL;
-    a->azimuth = a->angle ? a->cosine + OUTER_PANELS : NULL;
+    a->theta = a->angle ? a->angle + ANGLE_PANELS : NULL;
+    a->azimuth = a->angle ? a->theta + OUTER_PANELS : NULL;
     return a->breaks && a->radius && a->angle;
 }
 

@@ -416,6 +416,18 @@ TEST(the_mean_is_the_mean)
     CHECK_REL(value.value[0], 0.5, 1e-6, 0);
 }
 
+/* Over the cosine of theta_o, where it has a root at 1 and a logarithm at c_o = 0, this took 9e7 evaluations. */
+TEST(the_mean_of_a_sheared_surface_is_had_at_1e_6)
+{
+    facet_material m = {.ndf = FACET_BECKMANN, .roughness = {0.3, 0.3, 0, 0.2, 0.1}, .fresnel = {.channels = 1}};
+    bool is_full = draw_count(10) >= 10; /* 27 million evaluations */
+    facet_albedo_options options = {.tolerance = is_full ? 1e-6 : 1e-2, .evaluations_max = 1 << 25};
+    facet_albedo_value value;
+    CHECK_INT(facet_albedo_average(&m, &options, &value, NULL), FACET_OK);
+    CHECK(value.error[0] <= options.tolerance * value.value[0]);
+    CHECK_REL(value.value[0], 0.943487892381, is_full ? 1e-9 : 1e-3, 0);
+}
+
 static bool give_up(void *user)
 {
     return ++*(int *)user > 3;
