@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdatomic.h>
 
-/* log D by cubics on so many cells is within 1e-8 of GGX's and Beckmann's, down to 1e-4 of the peak. */
+/* So many cells keep the density within 2e-6 and the CDF within 1e-8: tests/property/test_table_sample.c. */
 enum { NODES = 1025 };
 
 static facet_slope_table *make(facet_ndf ndf)
