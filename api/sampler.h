@@ -13,7 +13,7 @@ extern const char *const api_sampler_names[];
         MEMBER(type_, sampler), FIELD_ENUM, FIELD_DEFAULT,                                         \
             .names = api_sampler_names,                                                            \
             .doc = "visible normals: caps (ggx; bounded: without most of what falls below the "    \
-                   "horizon), slope, table (tabulated); vcavity: those of V-cavities; ndf: all "    \
+                   "horizon), slope, table; vcavity: those of V-cavities; ndf: all "                \
                    "normals; cosine: of wi; auto: caps for ggx, slope for beckmann, table for "     \
                    "tabulated"                                                                      \
     }

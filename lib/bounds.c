@@ -4,6 +4,7 @@
  */
 #include "batch.h"
 #include "slope_table.h"
+#include "table_closed.h"
 
 #include <math.h>
 
@@ -268,6 +269,9 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
     *bound = INFINITY;
     if (facet_batch_sampler(b, sampler, &density)) return false;
     if (density == FACET_SAMPLER_AUTO) return facet_bound(b, tier, FACET_PDF, input_error, bound);
+    facet_brdf twin;
+    if (density == FACET_SAMPLER_TABLE)
+        return tier == FACET_PRECISE && facet_table_twin(b, &twin) && facet_bound(&twin, tier, FACET_PDF, input_error, bound);
     if (!facet_bound(b, tier, density == FACET_SAMPLER_BOUNDED ? FACET_PDF : FACET_D, input_error, bound)) return false;
     double condition = density == FACET_SAMPLER_BOUNDED ? cap_bound_condition(b, tier) : 0;
     if (density == FACET_SAMPLER_COSINE) *bound = input_error;
@@ -301,6 +305,13 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
     facet_sampler method = sampler == FACET_SAMPLER_AUTO ? facet_sampler_auto(b->material.ndf) : sampler;
+    facet_brdf twin;
+    if (method == FACET_SAMPLER_TABLE && b->material.ndf != FACET_TABULATED) {
+        /* The weight is fr cos over the density of the table. */
+        if (!facet_table_twin(b, &twin)) return false;
+        *bound = base_sampler_bound(tier, method, false) + 8 * (pdf + weight) + quantile_error(&twin, method);
+        return true;
+    }
     /* Its density divides by sigma as it is, not as it is tabulated. */
     if (method == FACET_SAMPLER_TABLE && !facet_bound(b, tier, FACET_D, input_error, &pdf)) return false;
     *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) + caps_stretch(b, tier) + quantile_error(b, method);

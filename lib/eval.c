@@ -4,6 +4,7 @@
  * strays once more in precise.
  */
 #include "batch.h"
+#include "table_closed.h"
 
 #include <math.h>
 
@@ -141,6 +142,10 @@ facet_tier facet_batch_tier(const facet_brdf *b, facet_tier tier)
 void facet_batch_run(const struct batch *batch, size_t n)
 {
     enum kernel_io io;
+    if (batch->sampler == FACET_SAMPLER_TABLE) {
+        facet_table_weigh(batch, n);
+        return;
+    }
     facet_tier tier = facet_batch_tier(batch->brdf, batch->tier);
     struct loops loops = { .kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io) };
     loops.samplers = facet_samplers_for(tier, io);

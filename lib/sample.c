@@ -1,5 +1,6 @@
 /* sample.c - batches of samples: visible normals drawn and reflected, then weighed. */
 #include "batch.h"
+#include "table_closed.h"
 #include "table_sample.h"
 
 const char *facet_sampler_name(facet_sampler sampler)
@@ -28,7 +29,6 @@ bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
     case FACET_SAMPLER_BOUNDED: return ndf == FACET_GGX;
     case FACET_SAMPLER_VCAVITY:
     case FACET_SAMPLER_SLOPE: return ndf != FACET_TABULATED;
-    case FACET_SAMPLER_TABLE: return ndf == FACET_TABULATED;
     default: return (unsigned)sampler < FACET_SAMPLER_COUNT;
     }
 }
@@ -46,8 +46,9 @@ facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, fac
     if (sampler == FACET_SAMPLER_AUTO) return FACET_OK;
     if (!facet_sampler_serves(sampler, b->material.ndf)) return FACET_UNSUPPORTED;
     facet_sampler method = method_of(b, sampler);
-    bool of_visible = method == FACET_SAMPLER_CAPS || method == FACET_SAMPLER_SLOPE || method == FACET_SAMPLER_TABLE;
-    if (!of_visible) *density = method;
+    bool own_table = method == FACET_SAMPLER_TABLE && b->material.ndf == FACET_TABULATED;
+    if (method == FACET_SAMPLER_TABLE && !own_table && !facet_table_of(b->material.ndf)) return FACET_NO_MEMORY;
+    if (method != FACET_SAMPLER_CAPS && method != FACET_SAMPLER_SLOPE && !own_table) *density = method;
     return FACET_OK;
 }
 
@@ -55,6 +56,7 @@ facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, fac
 struct drawn {
     const facet_brdf *brdf;
     facet_tier tier;
+    struct kernel_surface surface;
     facet_sampler method, density; /* what draws, and whose density the weight is divided by (batch.h) */
     struct array wo[3], u[2];
     struct array wi[3], h[3], weight[3], pdf; /* h, weight, pdf NULL: not computed */
@@ -64,7 +66,7 @@ struct drawn {
 static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 {
     kernel_sample_fn *of_table = facet_table_draw(d->method);
-    if (d->brdf->material.ndf == FACET_TABULATED && of_table) {
+    if (of_table && d->surface.table) {
         *io = KERNEL_DOUBLE;
         return of_table;
     }
@@ -86,7 +88,7 @@ static void draw_in_place(const struct drawn *d, kernel_sample_fn *sample, size_
         job.sampled_h[j] = facet_array_at(d->h[j], start).data;
         if (j < 2) job.u[j] = facet_array_at(d->u[j], start).data;
     }
-    sample(&d->brdf->surface, &job, n);
+    sample(&d->surface, &job, n);
 }
 
 static void draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum kernel_io io, size_t start, size_t n)
@@ -99,7 +101,7 @@ static void draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum ke
         job.sampled_h[j] = d->h[j].data ? h[j] : NULL;
         if (j < 2) job.u[j] = facet_stage(facet_array_at(d->u[j], start), io, n, 0.5, u[j]);
     }
-    sample(&d->brdf->surface, &job, facet_padded(n));
+    sample(&d->surface, &job, facet_padded(n));
     for (int j = 0; j < 3; j++) {
         facet_unstage(wi[j], io, n, facet_array_at(d->wi[j], start));
         facet_unstage(h[j], io, n, facet_array_at(d->h[j], start));
@@ -127,6 +129,8 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     d->method = method_of(d->brdf, sampler);
     facet_status status = facet_batch_sampler(d->brdf, sampler, &d->density);
     if (status) return status;
+    d->surface = d->brdf->surface;
+    if (d->density == FACET_SAMPLER_TABLE) d->surface.table = (const struct kernel_table *)facet_table_of(d->brdf->material.ndf);
     kernel_sample_fn *sample = find_draw(d, &io);
     if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n;) {

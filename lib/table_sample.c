@@ -74,6 +74,7 @@ static struct slope_share share_at(const struct kernel_job *job, int which, size
 /* Where no visible normal has a density that a double holds: any that are seen will do. */
 static struct drawn towards(struct viewer o)
 {
+    if (!(o.s > 0)) return (struct drawn){1, 0, 0, 0};
     return (struct drawn){o.a / o.s, o.b / o.s, 0, 0};
 }
 

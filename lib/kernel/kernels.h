@@ -122,13 +122,13 @@ struct facet_kernels {
     kernel_eval_fn *fr_pdf[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT];                             /* both at once */
 };
 
+enum { KERNEL_SAMPLER_COUNT = FACET_SAMPLER_TABLE }; /* table_sample.c draws TABLE, the last */
+
 /*
  * sampler.c's: how each method draws, and the density and weight that go with it
  * (into out[KERNEL_PDF] and out[KERNEL_WEIGHT]).  pdf and weight NULL where draw
  * is not: visible normals, facet_kernels' own.
  */
-enum { KERNEL_SAMPLER_COUNT = FACET_SAMPLER_TABLE }; /* table_sample.c draws TABLE, the last */
-
 struct facet_samplers {
     kernel_sample_fn *draw[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT]; /* NULL: not in this tier */
     kernel_eval_fn *pdf[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT];

@@ -381,7 +381,7 @@ TEST(densities_by_name)
         for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
             for (int s = FACET_SAMPLER_BOUNDED; s < FACET_SAMPLER_COUNT; s++)
                 for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
-                    if (s != FACET_SAMPLER_SLOPE && facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf))
+                    if (s != FACET_SAMPLER_SLOPE && s != FACET_SAMPLER_TABLE && facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf))
                         walk_pdfs(k & 1 ? &sphere : &draw_everywhere, (facet_tier)tier, (facet_sampler)s, (facet_ndf)ndf,
                                   &rng);
 }

@@ -147,6 +147,7 @@ static bool sees(const facet_material *m, double x, double y, double z)
 static size_t draw_samples(struct rng *rng, const facet_brdf *brdf, const facet_material *m, facet_tier tier, const struct pairs *p)
 {
     facet_sampler sampler = pick(rng, 2) ? FACET_SAMPLER_AUTO : (facet_sampler)pick(rng, FACET_SAMPLER_COUNT);
+    if (sampler == FACET_SAMPLER_TABLE && pick(rng, 32)) sampler = FACET_SAMPLER_AUTO; /* a hundred times as long */
     if (!facet_sampler_serves(sampler, m->ndf)) sampler = FACET_SAMPLER_AUTO;
     static double u[2][PAIRS], wi[3][PAIRS], weight[PAIRS], pdf[PAIRS];
     for (size_t k = 0; k < PAIRS; k++) any_uniform(rng, &u[0][k]), any_uniform(rng, &u[1][k]);

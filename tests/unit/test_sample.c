@@ -95,7 +95,7 @@ TEST(bad_requests)
     check_refused("{" GGX ",\"n\":1}", "/wo");
     check_refused("{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
                   "/sampler");
-    check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"table\"}", "/sampler");
+    check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"tables\"}", "/sampler");
     check_refused("{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[0,0,0,0]"
                   "}},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
                   "/sampler");
@@ -190,6 +190,6 @@ TEST(a_refused_sampler_names_those_there_are)
     struct answer a = ask_post("/v1/sample", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],"
                                              "\"n\":1,\"sampler\":\"bounded\"}");
     CHECK_INT(a.response.status, 422);
-    CHECK_STR(answer_error(&a, "detail"), "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine, vcavity");
+    CHECK_STR(answer_error(&a, "detail"), "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine, vcavity, table");
     answer_clear(&a);
 }

@@ -1,0 +1,70 @@
+#include "table_closed.h"
+
+#include "slope_table.h"
+
+#include <math.h>
+#include <stdatomic.h>
+
+/* So many cells keep the density within 2e-6 and the CDF within 1e-8: tests/property/test_table_sample.c. */
+enum { NODES = 1025 };
+
+static facet_slope_table *make(facet_ndf ndf)
+{
+    double log_d[NODES];
+    facet_slope_table *table = NULL;
+    for (int k = 0; k < NODES; k++) {
+        double u = (double)k / (NODES - 1), r = u / (1 - u);
+        /* D = P (1 + r^2)^2, up to a factor: GGX is uniform */
+        log_d[k] = ndf == FACET_GGX ? 0 : k == NODES - 1 ? -INFINITY : 2 * log1p(r * r) - r * r;
+    }
+    facet_slope_table_create(1, log_d, NODES, &table);
+    return table;
+}
+
+const facet_slope_table *facet_table_of(facet_ndf ndf)
+{
+    static _Atomic(facet_slope_table *) kept[FACET_TABULATED];
+    facet_slope_table *table = atomic_load(&kept[ndf]), *none = NULL;
+    if (table) return table;
+    table = make(ndf);
+    if (!table || atomic_compare_exchange_strong(&kept[ndf], &none, table)) return table;
+    facet_slope_table_destroy(table); /* another thread was first */
+    return none;
+}
+
+bool facet_table_twin(const facet_brdf *brdf, facet_brdf *twin)
+{
+    const facet_slope_table *table = facet_table_of(brdf->material.ndf);
+    *twin = *brdf;
+    if (!table) return false;
+    twin->material.ndf = FACET_TABULATED;
+    twin->material.table = table;
+    twin->surface.table = &table->view;
+    return true;
+}
+
+static void weigh_block(const struct batch *batch, const facet_brdf *twin, size_t start, size_t n)
+{
+    double pdf[BLOCK], fr_cos[3][BLOCK];
+    struct batch density = { .brdf = twin, .tier = FACET_PRECISE }, surface = { .brdf = batch->brdf, .tier = batch->tier };
+    for (int j = 0; j < 3; j++) {
+        density.wi[j] = surface.wi[j] = facet_array_at(batch->wi[j], start);
+        density.wo[j] = surface.wo[j] = facet_array_at(batch->wo[j], start);
+        if (batch->out[KERNEL_WEIGHT][j].data) surface.out[KERNEL_FR_COS][j] = facet_doubles(fr_cos[j]);
+    }
+    density.out[KERNEL_PDF][0] = facet_doubles(pdf);
+    facet_batch_run(&density, n);
+    for (size_t k = 0; batch->out[KERNEL_PDF][0].data && k < n; k++) facet_array_put(batch->out[KERNEL_PDF][0], start + k, pdf[k]);
+    if (!batch->out[KERNEL_WEIGHT][0].data) return;
+    facet_batch_run(&surface, n);
+    for (int c = 0; c < 3 && batch->out[KERNEL_WEIGHT][c].data; c++)
+        for (size_t k = 0; k < n; k++)
+            facet_array_put(batch->out[KERNEL_WEIGHT][c], start + k, pdf[k] > 0 ? fmin(fr_cos[c][k] / pdf[k], 1.7e308) : 0);
+}
+
+void facet_table_weigh(const struct batch *batch, size_t n)
+{
+    facet_brdf twin;
+    if (!facet_table_twin(batch->brdf, &twin)) return; /* it was there when the samples were drawn */
+    for (size_t start = 0; start < n; start += BLOCK) weigh_block(batch, &twin, start, n - start < BLOCK ? n - start : BLOCK);
+}

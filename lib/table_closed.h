@@ -1,0 +1,20 @@
+/*
+ * table_closed.h - GGX and Beckmann sampled through tables of themselves (000 section 5): the
+ * sampler TABLE of a closed distribution (internal).
+ */
+#ifndef FACET_TABLE_CLOSED_H
+#define FACET_TABLE_CLOSED_H
+
+#include "batch.h"
+#include "facet_table.h"
+
+/* The table at alpha = 1, built when first asked for and kept; NULL: no memory. */
+const facet_slope_table *facet_table_of(facet_ndf ndf);
+
+/* The same surface with that table for its distribution; false: no memory. */
+bool facet_table_twin(const facet_brdf *brdf, facet_brdf *twin);
+
+/* PDF and WEIGHT of a batch whose samples were drawn so. */
+void facet_table_weigh(const struct batch *batch, size_t n);
+
+#endif
