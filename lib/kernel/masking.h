@@ -134,16 +134,17 @@ INLINE real facing_up(struct half h, real value)
     return select(less(splat(0), h.hz), value, splat(0));
 }
 
-/*
- * c_i over 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0, times smith_factor;
- * height-correlated, energy-safe.  What it is the quotient of is free: factors that both
- * have are dropped.
- */
+/* What the ndfs' fractions have yet to be divided by. */
 INLINE lane smith_factor(struct model m)
 {
     return m.ndf == FACET_GGX ? 2 : 4;
 }
 
+/*
+ * c_i over 4 (sigma_o c_i + (sigma_i - c_i) max(c_o, 0)), for c_i > 0, times smith_factor;
+ * height-correlated, energy-safe.  What it is the quotient of is free: factors that both
+ * have are dropped.
+ */
 INLINE struct fraction smith(struct model m, const struct kernel_surface *s, struct direction i, struct direction o)
 {
     if (m.ndf == FACET_GGX) return ggx_smith(i, o);
