@@ -32,13 +32,14 @@ INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf,
     return cap_sample(o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
 }
 
-/* pdf = D / this. */
+/* pdf = D / this.  Before the mean facet VCAVITY draws what is seen, however the last digits of wo.h fall. */
 INLINE real area_of(enum facet_sampler sampler, struct model m, const struct kernel_surface *s, struct direction o,
                     struct share share, const struct reflected *a)
 {
     switch (sampler) {
     case FACET_SAMPLER_NDF: return 4 * a->seen;
-    case FACET_SAMPLER_VCAVITY: return select(a->faces, 2 * real_max(2 * o.c, a->seen), 4 * a->seen);
+    case FACET_SAMPLER_VCAVITY:
+        return select((mask)(a->faces | less(splat(0), o.c)), 2 * real_max(2 * o.c, a->seen), 4 * a->seen);
     case FACET_SAMPLER_BOUNDED: return cap_area(share, o);
     default: return 4 * sigma_scaled(m, s, o);
     }
