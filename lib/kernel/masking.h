@@ -233,15 +233,21 @@ INLINE real counted(struct model m, lane factor, real where, real value)
     return select(less(splat(0), where), value, splat(0));
 }
 
-/* bare_x: quantity x over factor_of, fr over fr_factor. */
-INLINE real bare_fr_cos(struct model m, const struct kernel_surface *s, struct direction i,
+INLINE real lit_density(struct model m, const struct kernel_surface *s, struct direction i,
                         struct direction o, struct half h)
 {
     bool scaled = needs_scaling(m);
     struct fraction f = reflect(m, s, i, o, h, scaled);
     struct fraction d = scaled ? bare_density_scaled(m, s, h, o) : bare_density(m, s, h);
     /* The fraction first: d and num may both be small, and so may num and den. */
-    return counted(m, factor_of(m, s), real_min(i.z, o.z), saturated(value_of(d) * ratio(f.num, f.den)));
+    return saturated(value_of(d) * ratio(f.num, f.den));
+}
+
+/* bare_x: quantity x over factor_of, fr over fr_factor. */
+INLINE real bare_fr_cos(struct model m, const struct kernel_surface *s, struct direction i,
+                        struct direction o, struct half h)
+{
+    return counted(m, factor_of(m, s), real_min(i.z, o.z), lit_density(m, s, i, o, h));
 }
 
 /* Smith's fr leaves more constants for last. */
@@ -268,7 +274,8 @@ INLINE real bare_fr(struct model m, const struct kernel_surface *s, struct direc
         return counted(m, fr_factor(m, s), real_min(real_min(i.z, o.z), i.c), value);
     }
 #endif
-    return ratio(bare_fr_cos(m, s, i, o, h), i.z);
+    /* What counts as 0 is known after the division alone. */
+    return counted(m, fr_factor(m, s), real_min(i.z, o.z), ratio(lit_density(m, s, i, o, h), i.z));
 }
 
 /* D / (4 sigma_o): visible-normal sampling, whatever the masking of the material. */

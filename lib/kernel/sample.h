@@ -230,14 +230,14 @@ INLINE struct guess guess_of(struct uniform u)
 
 INLINE struct view view_from(struct direction o, real s)
 {
-    const struct model m = { FACET_BECKMANN, KERNEL_SHEARED, KERNEL_SMITH };
-    real area = real_max(sigma_scaled(m, NULL, o), splat(REAL_MIN));
     real v = real_max(o.c / real_max(s, splat(REAL_MIN)), splat(-SLOPE_MAX)), end = splat(SLOPE_END);
-    real n = s / area, e = exp_minus_pair(beckmann_v2(o));
+    real e = exp_minus_pair(beckmann_v2(o)), tail = s * psi_x(beckmann_tail(o, s));
     mask back = less(o.c, splat(0));
+    /* sigma, exp(v^2) sigma behind; the CDF is its parts, so that it is made of the same ones. */
+    real area = real_max(real_max(o.c, splat(0)) + tail * select(back, splat(1), e), splat(REAL_MIN)), n = s / area;
     real back_end = end * end / (real_sqrt(madd(v, v, end * end)) - v);
     return (struct view){
-        .v = v, .g = o.c / area, .n = n, .at_v = n * psi_x(beckmann_tail(o, s)) * e,
+        .v = v, .g = o.c / area, .n = n, .at_v = tail / area * e,
         .edge = n * R(1 / SQRT_PI) * select(back, splat(1), e),
         .low = select(back, splat(0), -end), .high = select(back, back_end, real_min(v, end)), .back = back,
     };
