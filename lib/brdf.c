@@ -130,6 +130,20 @@ static void set_excess(struct kernel_fresnel *f)
     f->excess_low -= f->excess - sum;
 }
 
+/* At normal incidence, or the smallest node. */
+static double least_fresnel(const struct kernel_fresnel *f, facet_fresnel_kind kind)
+{
+    double below = f->eta - 1, above = f->eta + 1, least = 1;
+    switch (kind) {
+    case FACET_FRESNEL_SCHLICK: return f->f0;
+    case FACET_FRESNEL_DIELECTRIC:
+    case FACET_FRESNEL_CONDUCTOR: return (below * below + f->k * f->k) / (above * above + f->k * f->k);
+    default:
+        for (size_t i = 0; i < f->count; i++) least = fmin(least, f->values[i]);
+        return least;
+    }
+}
+
 static void copy_fresnel(facet_brdf *b, const facet_fresnel *f)
 {
     size_t n = f->kind == FACET_FRESNEL_TABLE ? f->count : 0;
@@ -141,6 +155,7 @@ static void copy_fresnel(facet_brdf *b, const facet_fresnel *f)
         b->fresnel[c] = (struct kernel_fresnel){ .f0 = f->f0[c], .eta = f->eta[c],
                                                  .k = conductor ? f->k[c] : 0, .count = n, .cos_theta_d = b->tables, .values = values };
         set_excess(&b->fresnel[c]);
+        b->fresnel[c].least = least_fresnel(&b->fresnel[c], f->kind);
     }
 }
 

@@ -169,12 +169,24 @@ INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, re
     }
 }
 
+/* Whether F times the scale may become denormal, and has to wait for the value. */
+INLINE bool is_faint(const struct kernel_job *job, lane scale)
+{
+    bool faint = false;
+    for (size_t c = 0; c < job->channels; c++) faint = faint || job->fresnel[c].least * scale < 1e-30;
+    return REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL && faint;
+}
+
 /* out[channel] = scale F_channel value. */
 INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
                            const struct terms *t, real value, lane scale)
 {
     pair hh = { splat(0), splat(0) };
     real v5 = splat(0);
+    if (is_faint(job, scale)) {
+        value = value * scale;
+        scale = 1;
+    }
     if (job->kind != FACET_FRESNEL_IDEAL) hh = angle_squared(&t->given, t->h);
     if (job->kind == FACET_FRESNEL_SCHLICK) {
         real v = real_max(angle_versine(hh), splat(0)), v2 = v * v;
