@@ -43,6 +43,7 @@ static double misfit(double r, double g)
 {
     double eta, k, sum = 0;
     from_tint(r, g, &eta, &k);
+    if (eta < FACET_ETA_MIN || eta > FACET_ETA_MAX || k > FACET_K_MAX) return INFINITY; /* of a mirror */
     for (int i = 1; i < 30; i++) {
         double c = i / 30., q = 1 - c, schlick = r + (1 - r) * q * q * q * q * q;
         double d = conductor(eta, k, c) / schlick - 1;

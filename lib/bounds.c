@@ -209,6 +209,14 @@ static double surface_bound(const facet_brdf *b, facet_tier tier, double base, d
            (input_error > 0 ? gain * input_error * input_condition(b) : 0);
 }
 
+/* The rows have one sigma of a sheared surface; the uncorrelated forms divide by two. */
+static double second_sigma(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
+{
+    bool two = b->masking == KERNEL_UNCORRELATED || b->masking == KERNEL_UNCORRELATED_THESIS;
+    bool has = quantity == FACET_FR || quantity == FACET_FR_COS;
+    return two && has && tier == FACET_PRECISE && b->shape == KERNEL_SHEARED && b->material.ndf == FACET_BECKMANN ? 5e-16 : 0;
+}
+
 bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, double input_error,
                  double *bound)
 {
@@ -216,7 +224,7 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
     if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT) return false;
     if (tier < FACET_EXACT32 && !float_domain(b, quantity)) return false;
     double base = base_bound(tier, b->material.ndf, quantity);
-    double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error) + table_error(b, quantity);
+    double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error) + table_error(b, quantity) + second_sigma(b, tier, quantity);
     if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)
         value += fresnel_bound(b, tier, quantity == FACET_F, input_error);
     *bound = value;

@@ -57,7 +57,7 @@ struct kernel_fresnel {
     double f0;
     double eta, k;
     double excess, excess_low; /* eta^2 - k^2 - 1 and what its double lacks */
-    double least;              /* about the smallest F */
+    double least; /* F at normal incidence, or the smallest node */
     size_t count;
     const double *cos_theta_d, *values;
 };

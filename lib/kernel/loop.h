@@ -169,31 +169,26 @@ INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, re
     }
 }
 
-/* Whether F times the scale may become denormal, and has to wait for the value. */
-INLINE bool is_faint(const struct kernel_job *job, lane scale)
-{
-    bool faint = false;
-    for (size_t c = 0; c < job->channels; c++) faint = faint || job->fresnel[c].least * scale < 1e-30;
-    return REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL && faint;
-}
-
 /* out[channel] = scale F_channel value. */
 INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
                            const struct terms *t, real value, lane scale)
 {
     pair hh = { splat(0), splat(0) };
     real v5 = splat(0);
-    if (is_faint(job, scale)) {
-        value = value * scale;
-        scale = 1;
-    }
     if (job->kind != FACET_FRESNEL_IDEAL) hh = angle_squared(&t->given, t->h);
     if (job->kind == FACET_FRESNEL_SCHLICK) {
         real v = real_max(angle_versine(hh), splat(0)), v2 = v * v;
         v5 = v2 * v2 * v;
     }
-    for (size_t c = 0; c < job->channels; c++)
-        if (job->out[q][c]) store_at(job->out[q][c], k, value * fresnel_of(job, c, hh, v5, scale));
+    for (size_t c = 0; c < job->channels; c++) {
+        if (!job->out[q][c]) continue;
+        /* Where F times the scale may become denormal, the scale goes with the value. */
+        bool faint = REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL && job->fresnel[c].least * scale < 1e-30;
+        lane own = faint ? 1 : scale;
+        real scaled = value;
+        if (faint) scaled = value * scale;
+        store_at(job->out[q][c], k, scaled * fresnel_of(job, c, hh, v5, own));
+    }
 }
 
 /* By name and not by a switch over q: what a switch drops has first to be compiled. */
