@@ -10,9 +10,9 @@
 enum {
     CHUNK = 4096,          /* pairs in a slot: what is shared among threads */
     BLOCK = 512,           /* pairs staged and evaluated at a time: they stay in the first-level cache */
-    ROUND_BYTES = 1 << 19, /* of an answer, about, between two looks at the client */
+    ROUND_BYTES = 1 << 21, /* of an answer, about, between two looks at the client */
     SLOTS_MIN = 8,         /* of a round, where there are as many chunks */
-    SLOTS_MAX = 32
+    SLOTS_MAX = 128
 };
 
 struct slot {
