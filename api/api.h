@@ -103,7 +103,7 @@ void api_handle(const struct api_request *request, struct api_response *response
 
 /*
  * The next bytes of a streamed answer, at most `room`; 0 at its end, -1 when it cannot go on (cut the
- * connection: the status has gone out).  It computes, about half a megabyte ahead, which takes a millisecond or some:
+ * connection: the status has gone out).  It computes, about a megabyte ahead, which takes some milliseconds:
  * on a worker, unless it is ready.  Between two calls it holds no more memory than that and the request.
  */
 long api_stream_next(struct api_stream *stream, char *out, size_t room);

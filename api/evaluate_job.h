@@ -11,6 +11,7 @@ enum {
     CHUNK = 4096,          /* pairs in a slot: what is shared among threads */
     BLOCK = 512,           /* pairs staged and evaluated at a time: they stay in the first-level cache */
     ROUND_BYTES = 1 << 21, /* of an answer, about, between two looks at the client */
+    STREAM_BYTES = 1 << 20, /* the same of a stream: what a slow reader keeps, and at worst the network's thread computes */
     SLOTS_MIN = 8,         /* of a round, where there are as many chunks */
     SLOTS_MAX = 128
 };

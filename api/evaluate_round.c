@@ -32,7 +32,7 @@ static size_t count_slots(const struct job *job, uint32_t outputs, bool streams)
         size_t own = usual_size(job, q);
         bytes = !streams ? bytes + own : own > bytes ? own : bytes;
     }
-    size_t count = ROUND_BYTES / (CHUNK * bytes);
+    size_t count = (streams ? STREAM_BYTES : ROUND_BYTES) / (CHUNK * bytes);
     if (count < SLOTS_MIN) count = SLOTS_MIN;
     if (count > SLOTS_MAX) count = SLOTS_MAX;
     return count < chunks ? count : chunks;

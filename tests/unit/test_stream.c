@@ -109,7 +109,7 @@ TEST(a_stream_can_be_stopped)
     struct api_response response;
     api_handle(&request, &response);
     CHECK(response.stream);
-    left = 1; /* round */
+    left = 2; /* rounds */
     size_t blocks = 0;
     while (response.stream && (n = api_stream_next(response.stream, bytes, sizeof bytes)) > 0) blocks++;
     CHECK_INT(n, -1);
