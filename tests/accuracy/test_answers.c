@@ -121,9 +121,11 @@ static void check_told(const facet_material *m, const struct told *told, double 
         for (size_t j = 0; j < ASKED; j++) {
             double y = told->y[j][k], error = reference_error(y, x.of[asked[j].quantity][0], FACET_FLOOR);
             if (error <= told->bound) continue;
-            check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, answered bound %.3g, %s%s\n    %s", asked[j].name, y,
+            check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, answered bound %.3g, %s%s\n    %s\n    "
+                       "wi {%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}", asked[j].name, y,
                        (double)x.of[asked[j].quantity][0], error, told->bound, told->tier ? told->tier : "?",
-                       told->as_form ? told->floats ? " in floats" : " as a form" : "", draw_text(m));
+                       told->as_form ? told->floats ? " in floats" : " as a form" : "", draw_text(m),
+                       wi[k][0], wi[k][1], wi[k][2], wo[k][0], wo[k][1], wo[k][2]);
         }
     }
 }
