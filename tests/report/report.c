@@ -159,9 +159,9 @@ static void write_furnace(FILE *md)
                     rms[visible] = furnace(csv, &s, m, o, exact) / exact;
                     fclose(csv);
                 }
-                ratio[k][a][t] = rms[0] / rms[1];
+                ratio[k][a][t] = rms[1] > 0 ? rms[0] / rms[1] : 1; /* neither errs */
                 fprintf(md, "| %s | %g | %g | %.6f | %.5f | %.5f | %.2f |\n", models[k].name, alphas[a],
-                        furnace_theta[t], exact, rms[0], rms[1], rms[0] / rms[1]);
+                        furnace_theta[t], exact, rms[0], rms[1], ratio[k][a][t]);
             }
     fclose(truth);
     write_observations(md, ratio);
