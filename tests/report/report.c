@@ -310,7 +310,7 @@ static void write_efficiency(FILE *md)
                     double efficiency = 1 / (of.variance * of.ns);
                     if (k == NDF) base = efficiency;
                     fprintf(md, "| %s | %g | %g | %s | %.3g | %.4g | %.0f | %.3g |\n", ndf ? "Beckmann" : "GGX", alphas[a],
-                            waste_theta[t], m->name, 100 * of.wasted, of.variance, of.ns, efficiency / base);
+                            waste_theta[t], m->name, 100 * of.wasted, of.variance, of.ns, of.variance > 0 ? efficiency / base : 1);
                 }
             }
     fclose(csv);
