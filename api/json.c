@@ -84,6 +84,9 @@ static json_t *parse_structure(const char *bytes, size_t size, const struct lift
     } else {
         size_t at = error.position > 0 ? (size_t)error.position - 1 : 0;
         snprintf(why, sizeof why, "%s", error.text);
+        /* It quotes the text up to the fault, which may be in the middle of a character. */
+        for (char *c = why; *c; c++)
+            if ((unsigned char)*c >= 0x80) *c = '?';
         api_lift_refuse(bytes, api_lift_origin(bytes, size, lifted, at), why, problem);
     }
     return NULL;
