@@ -88,7 +88,7 @@ static facet_status along_radius(void *user, const double at[POINTS], struct int
     w->spent += POINTS;
     w->since_asked += POINTS;
     for (int i = 0; i < POINTS; i++) {
-        double r = -2 * p.normal[0][i], sec2 = 1 + r * r, c = facet_mean_cosine(w->bsdf, p.up[0][i], p.up[1][i], p.up[2][i]);
+        double r = -2 * p.normal[0][i], sec2 = 1 + r * r, c = facet_mean_cosine(&w->bsdf->ideal->surface, p.up[0][i], p.up[1][i], p.up[2][i]);
         double kept = facet_transmission_masking(w->bsdf, w->sigma_o, w->cosine_o, p.sigma[i], c);
         double value = p.factor[i] * kept * (p.density[i] / (sec2 * sec2)) / w->sigma_o;
         of[i].value[0] = isfinite(value) ? value : 0;
@@ -174,7 +174,7 @@ static facet_status integrate_direction(struct walk *w, const double wo[3], doub
     if (!(up[2] > 0)) return FACET_OK;
     w->side = &w->bsdf->side[side];
     w->view = facet_albedo_view_of(&w->surface, up[0], up[1], up[2]);
-    w->cosine_o = facet_mean_cosine(w->bsdf, up[0], up[1], up[2]);
+    w->cosine_o = facet_mean_cosine(&w->bsdf->ideal->surface, up[0], up[1], up[2]);
     facet_status status = facet_eval(w->bsdf->ideal, FACET_PRECISE, from, from, 1, &area);
     if (!status) status = integrate_rays(w, 0, &rough);
     if (!status) status = integrate_rays(w, 0.5 * tolerance * rough.value[0], &fine);

@@ -40,7 +40,7 @@ double facet_array_get(struct array array, size_t index);
 /* What no float is near saturates. */
 void facet_array_put(struct array array, size_t index, double value);
 
-/* A batch as its caller holds it; out: NULL is not computed. */
+/* A batch as its caller holds it: out is of the type of wi and wo, or wherever the tier runs on doubles alone; NULL is not computed. */
 struct batch {
     const facet_brdf *brdf;
     facet_tier tier;

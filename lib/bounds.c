@@ -78,8 +78,8 @@ static double form_rounding(facet_tier tier)
 
 /*
  * By how much a relative error in the terms of the linear forms grows in the
- * forms: alpha_1/alpha_2 by correlation, |mean slope|/alpha_2 by shear, with
- * alpha_2 the minor radius.
+ * forms: alpha_1/alpha_2 by correlation, |mean slope| max(1, alpha_1)/alpha_2 by
+ * shear, with alpha_2 the minor radius.
  */
 static double form_condition(const facet_brdf *b)
 {
@@ -166,7 +166,7 @@ static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresne
 
 static double fresnel_bound(const facet_brdf *b, facet_tier tier, bool alone, double input_error)
 {
-    /* Relative errors of c by tier: draft refines this one root. */
+    /* Relative errors of c by tier. */
     static const double cosine_error[FACET_TIER_COUNT] = { 2.4e-7, 1.8e-7, 4e-13, 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING };
     facet_fresnel_kind kind = b->material.fresnel.kind;
     bool takes_cosine = kind == FACET_FRESNEL_SCHLICK || kind == FACET_FRESNEL_TABLE;
@@ -176,14 +176,10 @@ static double fresnel_bound(const facet_brdf *b, facet_tier tier, bool alone, do
     return base_fresnel_bound(tier, kind, alone) + worst;
 }
 
-/*
- * Where floats are enough.  G and G1 of a sheared surface, and the thesis's
- * forms, divide by a sigma that underflows.
- */
+/* Where floats are enough.  G and G1 of a sheared surface divide by a sigma that underflows. */
 static bool float_domain(const facet_brdf *b, facet_quantity quantity)
 {
     bool divides = quantity == FACET_G || quantity == FACET_G1_I || quantity == FACET_G1_O;
-    if (b->masking == KERNEL_SMITH_THESIS || b->masking == KERNEL_UNCORRELATED_THESIS) return false;
     if (b->shape == KERNEL_SHEARED && divides) return false;
     return b->floats_hold;
 }

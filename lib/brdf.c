@@ -80,9 +80,6 @@ static struct kernel_surface prepare(const facet_material *m)
     long double whole = (long double)det.hi + det.lo, scaled_y = (long double)conditional.hi + conditional.lo;
     return (struct kernel_surface){
         .alpha_x = r->alpha_x,
-        .alpha_y = r->alpha_y,
-        .rho = r->rho,
-        .kappa = kappa.hi,
         .rho_alpha_y = correlated.hi,
         .rho_alpha_y_low = correlated.lo,
         .kappa_alpha_y = conditional.hi,
@@ -113,6 +110,19 @@ static enum kernel_masking masking_of(const facet_material *m, enum kernel_shape
     }
 }
 
+double facet_mean_cosine(const struct kernel_surface *s, double x, double y, double z)
+{
+    struct pair lean_x = pair_product((struct pair){ x, 0 }, (struct pair){ -s->slope_x, 0 });
+    struct pair lean_y = pair_product((struct pair){ y, 0 }, (struct pair){ -s->slope_y, 0 });
+    return pair_add((struct pair){ z, 0 }, pair_add(lean_x, lean_y)).hi;
+}
+
+/* The thesis's forms: their sigmas underflow, and no float tier has loops for them. */
+static bool divides_by_sigmas(enum kernel_masking masking)
+{
+    return masking == KERNEL_SMITH_THESIS || masking == KERNEL_UNCORRELATED_THESIS;
+}
+
 static bool floats_hold(const facet_roughness *r)
 {
     facet_ellipse e = facet_roughness_to_ellipse(r);
@@ -122,12 +132,10 @@ static bool floats_hold(const facet_roughness *r)
 /* eta^2 - k^2 - 1 as an unevaluated sum: it cancels near vacuum. */
 static void set_excess(struct kernel_fresnel *f)
 {
-    double ee = f->eta * f->eta, kk = f->k * f->k;
-    double first = ee - kk, t = first - ee, first_low = (ee - (first - t)) - (kk + t);
-    double sum = first - 1, u = sum - first, sum_low = (first - (sum - u)) - (1 + u);
-    f->excess_low = sum_low + (first_low + (fma(f->eta, f->eta, -ee) - fma(f->k, f->k, -kk)));
-    f->excess = sum + f->excess_low;
-    f->excess_low -= f->excess - sum;
+    struct pair eta = { f->eta, 0 }, k = { f->k, 0 }, ee = pair_product(eta, eta), kk = pair_product(k, k);
+    struct pair excess = pair_add(pair_add(ee, pair_negative(kk)), (struct pair){ -1, 0 });
+    f->excess = excess.hi;
+    f->excess_low = excess.lo;
 }
 
 /* At normal incidence, or the smallest node. */
@@ -173,7 +181,7 @@ facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
     b->shape = shape_of(&m->roughness);
     b->masking = masking_of(m, b->shape);
     b->channels = m->fresnel.channels;
-    b->floats_hold = floats_hold(&m->roughness);
+    b->floats_hold = floats_hold(&m->roughness) && !divides_by_sigmas(b->masking);
     copy_fresnel(b, &m->fresnel);
     *brdf = b;
     return FACET_OK;

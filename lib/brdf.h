@@ -5,7 +5,7 @@
 #include "kernel/kernels.h"
 
 struct facet_brdf {
-    facet_material material; /* its pointers are not used */
+    facet_material material; /* the Fresnel term's pointers are not used */
     struct kernel_surface surface;
     enum kernel_shape shape;
     enum kernel_masking masking;
@@ -14,5 +14,8 @@ struct facet_brdf {
     struct kernel_fresnel fresnel[3];
     double tables[]; /* the Fresnel table's nodes and values */
 };
+
+/* z - x slope_x - y slope_y, which cancels, right to rounding: a direction's cosine with the mean facet times its length. */
+double facet_mean_cosine(const struct kernel_surface *surface, double x, double y, double z);
 
 #endif

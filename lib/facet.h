@@ -13,13 +13,16 @@
  * Batches are structures of arrays of n doubles, or of n floats in the calls
  * whose names end in _float.  A batch call checks its
  * scalar arguments once and returns a status; its elements cannot fail.
- * Outputs must not overlap inputs.  Batch calls never allocate.
+ * Outputs must not overlap inputs.  Batch calls never allocate, but
+ * for the first of the sampler TABLE for GGX and for Beckmann.
  *
  * Objects are immutable once created: share them between threads freely,
  * destroy each once.
  *
  * The rest of the library: facet_table.h (tabulated slope distributions),
- * facet_fit.h (fit measured materials), facet_leadr.h (slope moments, maps).
+ * facet_fit.h (fit measured materials), facet_leadr.h (slope moments, maps),
+ * facet_albedo.h (integrals over the hemisphere), facet_transmission.h (rough dielectrics
+ * from both sides), facet_solid_angle.h (filtered importance sampling).
  */
 #ifndef FACET_H
 #define FACET_H
@@ -162,7 +165,7 @@ void facet_brdf_destroy(facet_brdf *brdf); /* NULL is allowed */
  * the promises, cheapest tier first; tests enforce them.
  */
 typedef enum facet_tier {
-    FACET_DRAFT,   /* float, estimates of quotients and roots as the processor gives them */
+    FACET_DRAFT,   /* float, estimates of quotients and roots where the processor has good ones (AVX-512) */
     FACET_FAST,    /* float */
     FACET_EXACT32, /* double inside, so that rounding a result to float is all its error */
     FACET_PRECISE, /* double, compensated where terms cancel */
@@ -343,7 +346,8 @@ typedef struct facet_samples {
  *            place on it, both CDFs inverted exactly, in double whatever the tier.  u1 grows
  *            with |slope|; where a table has a gap, within 1e-12 of its level u1 may fall on
  *            either side.  GGX and Beckmann: of a table of 1025 nodes (Heitz & d'Eon 2014,
- *            supplement, section 5), which has their CDF within 1e-8; pdf is the table's.
+ *            supplement, section 5), which has their CDF within 1e-8; pdf is the table's.  That
+ *            table is made by the first call that needs it, which may be NO_MEMORY.
  */
 facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
                           const double *u1, const double *u2, size_t n, const facet_samples *samples);

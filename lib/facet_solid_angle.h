@@ -20,7 +20,7 @@ extern "C" {
  * the samples around, 1/(samples pdf), it is G1_o alpha_1/alpha_2 for the mirror
  * direction of a central surface, 1/2 (Beckmann) or 1/4 (GGX) for the median sample
  * from above, and less in the tails, where samples lie further apart.
- * 0 where wi = -wo.
+ * 0 where wi = -wo.  roughness as facet_brdf_create takes it, samples > 0.
  */
 void facet_solid_angle(const facet_roughness *roughness, double samples, facet_vec3_in wi,
                        facet_vec3_in wo, size_t n, double *solid_angle);

@@ -1,5 +1,6 @@
-/* sample.c - batches of samples: visible normals drawn and reflected, then weighed. */
+/* sample.c - batches of samples: directions drawn by each method, then weighed. */
 #include "batch.h"
+#include "slope_table.h"
 #include "table_closed.h"
 #include "table_sample.h"
 
@@ -130,7 +131,7 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     facet_status status = facet_batch_sampler(d->brdf, sampler, &d->density);
     if (status) return status;
     d->surface = d->brdf->surface;
-    if (d->density == FACET_SAMPLER_TABLE) d->surface.table = (const struct kernel_table *)facet_table_of(d->brdf->material.ndf);
+    if (d->density == FACET_SAMPLER_TABLE) d->surface.table = &facet_table_of(d->brdf->material.ndf)->view;
     kernel_sample_fn *sample = find_draw(d, &io);
     if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n;) {
@@ -174,30 +175,31 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_s
     return draw(&d, sampler, n);
 }
 
+/* b: directions and tier. */
+static facet_status density(struct batch *b, facet_sampler sampler, struct array pdf, size_t n)
+{
+    if ((unsigned)b->tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    facet_status status = facet_batch_sampler(b->brdf, sampler, &b->sampler);
+    if (status) return status;
+    b->out[KERNEL_PDF][0] = pdf;
+    facet_batch_run(b, n);
+    return FACET_OK;
+}
+
 facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
                        facet_vec3_in wo, size_t n, double *pdf)
 {
-    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
     struct batch batch = { .brdf = brdf, .tier = tier,
                            .wi = { facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z) },
                            .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) } };
-    facet_status status = facet_batch_sampler(brdf, sampler, &batch.sampler);
-    if (status) return status;
-    batch.out[KERNEL_PDF][0] = facet_doubles(pdf);
-    facet_batch_run(&batch, n);
-    return FACET_OK;
+    return density(&batch, sampler, facet_doubles(pdf), n);
 }
 
 facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in_float wi,
                              facet_vec3_in_float wo, size_t n, float *pdf)
 {
-    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
     struct batch batch = { .brdf = brdf, .tier = tier,
                            .wi = { facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z) },
                            .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) } };
-    facet_status status = facet_batch_sampler(brdf, sampler, &batch.sampler);
-    if (status) return status;
-    batch.out[KERNEL_PDF][0] = facet_floats(pdf);
-    facet_batch_run(&batch, n);
-    return FACET_OK;
+    return density(&batch, sampler, facet_floats(pdf), n);
 }

@@ -2,6 +2,7 @@
 
 #include "slope_table.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdatomic.h>
 
@@ -46,7 +47,8 @@ bool facet_table_twin(const facet_brdf *brdf, facet_brdf *twin)
 static void weigh_block(const struct batch *batch, const facet_brdf *twin, size_t start, size_t n)
 {
     double pdf[BLOCK], fr_cos[3][BLOCK];
-    struct batch density = { .brdf = twin, .tier = FACET_PRECISE }, surface = { .brdf = batch->brdf, .tier = batch->tier };
+    /* In double whatever the tier, so that floats are converted and not written where doubles are read. */
+    struct batch density = { .brdf = twin, .tier = FACET_PRECISE }, surface = { .brdf = batch->brdf, .tier = FACET_PRECISE };
     for (int j = 0; j < 3; j++) {
         density.wi[j] = surface.wi[j] = facet_array_at(batch->wi[j], start);
         density.wo[j] = surface.wo[j] = facet_array_at(batch->wo[j], start);
@@ -59,7 +61,7 @@ static void weigh_block(const struct batch *batch, const facet_brdf *twin, size_
     facet_batch_run(&surface, n);
     for (int c = 0; c < 3 && batch->out[KERNEL_WEIGHT][c].data; c++)
         for (size_t k = 0; k < n; k++)
-            facet_array_put(batch->out[KERNEL_WEIGHT][c], start + k, pdf[k] > 0 ? fmin(fr_cos[c][k] / pdf[k], 1.7e308) : 0);
+            facet_array_put(batch->out[KERNEL_WEIGHT][c], start + k, pdf[k] > 0 ? fmin(fr_cos[c][k] / pdf[k], DBL_MAX) : 0);
 }
 
 void facet_table_weigh(const struct batch *batch, size_t n)

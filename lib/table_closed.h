@@ -1,5 +1,5 @@
 /*
- * table_closed.h - GGX and Beckmann sampled through tables of themselves (000 section 5): the
+ * table_closed.h - GGX and Beckmann sampled through tables of themselves (Heitz & d'Eon 2014, supplement, section 5): the
  * sampler TABLE of a closed distribution (internal).
  */
 #ifndef FACET_TABLE_CLOSED_H

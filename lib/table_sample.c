@@ -1,11 +1,12 @@
 /*
- * table_sample.c - draws from tabulated distributions: visible normals (000 section 5, by exact
+ * table_sample.c - draws from tabulated distributions: visible normals (Heitz & d'Eon 2014, supplement, section 5, by exact
  * inversion in place of its tables) and all normals (Walter et al. 2007).
  *
  * One search and a few Newton steps per sample do not vectorise: scalar, in double.
  */
 #include "table_sample.h"
 
+#include "brdf.h"
 #include "slope_quantile.h"
 #include "slope_table.h"
 
@@ -17,16 +18,6 @@ struct viewer {
     double a, b, s, c; /* the stretched direction (masking.h's) */
 };
 
-/* z - x slope_x - y slope_y, which cancels (Dekker 1971). */
-static double mean_cosine(const struct kernel_surface *f, double x, double y, double z)
-{
-    double p = x * f->slope_x, q = y * f->slope_y;
-    double p_low = fma(x, f->slope_x, -p), q_low = fma(y, f->slope_y, -q);
-    double d = z - p, t = d - z, d_low = (z - (d - t)) - (p + t);
-    double e = d - q, r = e - d, e_low = (d - (e - r)) - (q + r);
-    return e + (e_low + d_low - p_low - q_low);
-}
-
 static struct viewer viewer_at(const struct kernel_surface *f, const struct kernel_job *job, size_t k)
 {
     struct viewer o = {.x = ((const double *)job->wo[0])[k], .y = ((const double *)job->wo[1])[k],
@@ -34,7 +25,7 @@ static struct viewer viewer_at(const struct kernel_surface *f, const struct kern
     o.a = f->alpha_x * o.x + f->rho_alpha_y * o.y;
     o.b = f->kappa_alpha_y * o.y;
     o.s = hypot(o.a, o.b);
-    o.c = mean_cosine(f, o.x, o.y, o.z);
+    o.c = facet_mean_cosine(f, o.x, o.y, o.z);
     return o;
 }
 

@@ -88,14 +88,6 @@ double facet_transport_scale(const facet_bsdf *b, int side)
     return b->transport == FACET_RADIANCE ? 1 / (n * n) : 1;
 }
 
-double facet_mean_cosine(const facet_bsdf *b, double x, double y, double z)
-{
-    const struct kernel_surface *s = &b->ideal->surface;
-    struct pair lean_x = pair_product((struct pair){ x, 0 }, (struct pair){ -s->slope_x, 0 });
-    struct pair lean_y = pair_product((struct pair){ y, 0 }, (struct pair){ -s->slope_y, 0 });
-    return pair_add((struct pair){ z, 0 }, pair_add(lean_x, lean_y)).hi;
-}
-
 double facet_transmission_masking(const facet_bsdf *b, double sigma_o, double cosine_o, double sigma_i,
                                   double cosine_i)
 {
@@ -212,9 +204,9 @@ facet_status facet_lobes_eval(const facet_bsdf *b, struct lobes *l, size_t n)
         double x = -l->wi[0][i], y = -l->wi[1][i], z = -l->wi[2][i];
         l->transmitted.weight[i] = 0;
         if (!(z > 0 && l->wo[2][i] > 0)) continue;
-        double cosine_o = facet_mean_cosine(b, l->wo[0][i], l->wo[1][i], l->wo[2][i]);
+        double cosine_o = facet_mean_cosine(&b->ideal->surface, l->wo[0][i], l->wo[1][i], l->wo[2][i]);
         l->transmitted.weight[i] = facet_transmission_masking(b, l->sigma_o[i], cosine_o, l->sigma_i[i],
-                                                              facet_mean_cosine(b, x, y, z));
+                                                              facet_mean_cosine(&b->ideal->surface, x, y, z));
     }
     return status;
 }

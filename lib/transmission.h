@@ -38,8 +38,6 @@ double facet_transmission_masking(const facet_bsdf *bsdf, double sigma_o, double
                                   double cosine_i);
 /* What transport makes of what is transmitted: 1 or 1/n^2. */
 double facet_transport_scale(const facet_bsdf *bsdf, int side);
-/* k_z - k_x slope_x - k_y slope_y. */
-double facet_mean_cosine(const facet_bsdf *bsdf, double x, double y, double z);
 
 enum { TRANSMISSION_BLOCK = 256 };
 

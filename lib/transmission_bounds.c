@@ -89,7 +89,7 @@ static double closeness_across(const facet_bsdf *b, const double wi[3], const do
     const double *const both[] = { wi, wo };
     double worst = fmax(1, length / least);
     for (int k = 0; k < 2; k++) {
-        double c = facet_mean_cosine(b, both[k][0], both[k][1], both[k][2]);
+        double c = facet_mean_cosine(&b->ideal->surface, both[k][0], both[k][1], both[k][2]);
         if (b->ideal->shape == KERNEL_SHEARED || !exact_z) worst = fmax(worst, 1 / fabs(c));
         if (!exact_z) worst = fmax(worst, 1 / fabs(both[k][2]));
     }

@@ -39,9 +39,9 @@ struct kernel_table {
  * x_low: what the double x lacks.
  */
 struct kernel_surface {
-    double alpha_x, alpha_y, rho, kappa; /* kappa = sqrt(1 - rho^2) */
+    double alpha_x;
     double rho_alpha_y, rho_alpha_y_low;
-    double kappa_alpha_y, kappa_alpha_y_low;
+    double kappa_alpha_y, kappa_alpha_y_low; /* kappa = sqrt(1 - rho^2) */
     double det, det_low, root_det;       /* det = alpha_x alpha_y kappa */
     double peak;                         /* 1/(pi det) */
     double inverse_x, inverse_y;         /* 1 / alpha_x, 1 / (kappa alpha_y) */

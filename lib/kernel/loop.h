@@ -169,6 +169,9 @@ INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, re
     }
 }
 
+/* Far enough above the smallest normal float for what F times it is made of. */
+#define FAINT 1e-30
+
 /* out[channel] = scale F_channel value. */
 INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
                            const struct terms *t, real value, lane scale)
@@ -183,7 +186,7 @@ INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q,
     for (size_t c = 0; c < job->channels; c++) {
         if (!job->out[q][c]) continue;
         /* Where F times the scale may become denormal, the scale goes with the value. */
-        bool faint = REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL && job->fresnel[c].least * scale < 1e-30;
+        bool faint = REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL && job->fresnel[c].least * scale < FAINT;
         lane own = faint ? 1 : scale;
         real scaled = value;
         if (faint) scaled = value * scale;
@@ -228,16 +231,20 @@ INLINE lane constant_of(struct model m, const struct kernel_surface *s, enum ker
 #define STORE_WEIGHT STORE_COLOURED
 #define STORE_CONDITION STORE_PLAIN
 
+/* The variable `value` of a LOOP, strays marked, to where it goes. */
+#define STORE_MARKED(q)                                                                         \
+    if (!COMPENSATED) {                                                                         \
+        mask out = stray(m, &s, &t, KERNEL_##q, value);                                         \
+        if (__builtin_expect(any(out), 0))                                                      \
+            value = marked(out, value), some = (mask)(some | out);                              \
+    }                                                                                           \
+    STORE_##q(KERNEL_##q);
+
 #define ONE_QUANTITY(q)                                                                         \
     {                                                                                           \
         scale = constant_of(m, &s, KERNEL_##q);                                                 \
         real value = quantity_##q(m, &s, t.i, t.o, t.h);                                        \
-        if (!COMPENSATED) {                                                                     \
-            mask out = stray(m, &s, &t, KERNEL_##q, value);                                     \
-            if (__builtin_expect(any(out), 0))                                                  \
-                value = marked(out, value), some = (mask)(some | out);                          \
-        }                                                                                       \
-        STORE_##q(KERNEL_##q);                                                                  \
+        STORE_MARKED(q)                                                                         \
     }
 
 /* The quantities of one loop share what they have in common. */

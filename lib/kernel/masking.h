@@ -72,13 +72,6 @@ INLINE struct fraction density(struct model m, const struct kernel_surface *s, s
     return (struct fraction){ d.num * factor_of(m, s), d.den };
 }
 
-INLINE struct fraction density_scaled(struct model m, const struct kernel_surface *s, struct half h,
-                                      struct direction o)
-{
-    struct fraction d = bare_density_scaled(m, s, h, o);
-    return (struct fraction){ d.num * factor_of(m, s), d.den };
-}
-
 INLINE real excess(struct model m, const struct kernel_surface *s, struct direction k)
 {
     return m.ndf == FACET_GGX        ? ggx_excess(k)
@@ -310,18 +303,10 @@ INLINE real bare_d_vis(struct model m, const struct kernel_surface *s, struct di
     return counted(m, factor_of(m, s), h.hz, value);
 }
 
-#define WITH_FACTOR(x, factor)                                                                  \
-    INLINE real quantity_##x(struct model m, const struct kernel_surface *s, struct direction i, \
-                             struct direction o, struct half h)                                 \
-    {                                                                                           \
-        return bare_##x(m, s, i, o, h) * factor(m, s);                                          \
-    }
-WITH_FACTOR(fr_cos, factor_of)
-WITH_FACTOR(fr, fr_factor)
-WITH_FACTOR(pdf, factor_of)
-WITH_FACTOR(d, factor_of)
-WITH_FACTOR(d_vis, factor_of)
-#undef WITH_FACTOR
+INLINE real quantity_fr(struct model m, const struct kernel_surface *s, struct direction i, struct direction o, struct half h)
+{
+    return bare_fr(m, s, i, o, h) * fr_factor(m, s);
+}
 
 /* x / sigma from x / the scaled sigma, which is right until the quotient itself leaves the range. */
 INLINE real unscale(struct model m, struct direction k, real quotient_)

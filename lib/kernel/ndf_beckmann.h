@@ -141,9 +141,4 @@ INLINE real beckmann_density_scaled(const struct kernel_surface *s, struct half 
 #endif
 }
 
-INLINE real beckmann_sigma(struct direction k)
-{
-    return real_max(k.c, splat(0)) + beckmann_excess(k);
-}
-
 #endif

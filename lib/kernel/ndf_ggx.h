@@ -2,10 +2,10 @@
  * ndf_ggx.h - GGX (Trowbridge-Reitz; Walter 2007), standard slope density
  * P = 1 / (pi (1 + r^2)^2).
  *
- * Every ndf offers: density, D pi det at a half vector that points up; excess,
- * sigma(k) - max(c, 0), and front_excess, the same where c >= 0 is known; and
- * density and excess divided by a common factor that keeps D / sigma(wo) finite
- * where both underflow (1 here; exp(-v_o^2) for Beckmann seen from behind).
+ * Every ndf offers to masking.h: density, D pi det at a half vector that points up,
+ * and excess, sigma(k) - max(c, 0).  GGX and Beckmann also smith and smith_front, fr's
+ * masking without sigmas.  Beckmann also front_excess, where c >= 0 is known, and
+ * density and excess divided by exp(-v_o^2), as both underflow seen from behind.
  */
 #ifndef FACET_NDF_GGX_H
 #define FACET_NDF_GGX_H

@@ -2,7 +2,7 @@
  * real.h - the arithmetic of a tier: what a quotient and a root cost, and how
  * wide the linear forms are that feed the formulas.
  *
- *   draft    estimates of reciprocals and roots as they come
+ *   draft    float; estimates of reciprocals and roots as they come where AVX-512 has them
  *   fast     float, right to the last digit or so
  *   exact32  double, estimates refined to 2e-13: a float's rounding is what is left
  *   precise  double, and double-double where terms cancel

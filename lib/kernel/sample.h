@@ -179,6 +179,20 @@ INLINE real newton_step(struct cdf f, struct uniform u)
 #endif
 }
 
+#define SLOPE_MAX (REAL_IS_FLOAT ? R(1e15) : R(1e140)) /* its square is finite, stretched too */
+
+/* That of a stretched direction, whose sine is `side`; any at the pole. */
+struct azimuth {
+    real cos, sin;
+};
+
+INLINE struct azimuth azimuth_of(struct direction o, real side)
+{
+    mask pole = less(o.s2, splat(REAL_MIN));
+    real length = real_max(side, splat(REAL_MIN));
+    return (struct azimuth){ select(pole, splat(1), o.a / length), select(pole, splat(0), o.b / length) };
+}
+
 /*
  * x with F(x) = u (of a back view: its d) by Newton's method kept inside a
  * bracket: monotone in u, so that stratified points stay stratified.
@@ -225,7 +239,6 @@ INLINE struct guess guess_of(struct uniform u)
 }
 
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
-#define SLOPE_MAX (REAL_IS_FLOAT ? R(1e15) : R(1e140)) /* its square is finite, stretched too */
 #define SLOPE_END (REAL_IS_FLOAT ? R(6.3) : R(6.7)) /* a float keeps the density of two such slopes */
 
 INLINE struct view view_from(struct direction o, real s)
@@ -245,7 +258,7 @@ INLINE struct view view_from(struct direction o, real s)
 
 INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, struct uniform u2)
 {
-    real s = real_sqrt(o.s2), safe = real_max(s, splat(REAL_MIN)), zero = splat(0);
+    real s = real_sqrt(o.s2), zero = splat(0);
     struct view view = view_from(o, s);
     struct guess first = guess_of(u1), second = guess_of(u2);
     real start = madd(view.g, first.normal - first.tail, first.tail);
@@ -254,11 +267,10 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
     /* The Gaussian alone: seen from the pole. */
     struct view plain = { splat(SLOPE_MAX), splat(1), zero, zero, zero, splat(-SLOPE_END), splat(SLOPE_END), less(zero, zero) };
     real y = invert(&plain, u2, second.normal);
-    mask pole = less(s, splat(REAL_MIN));
-    real ca = select(pole, splat(1), o.a / safe), cb = select(pole, zero, o.b / safe);
+    struct azimuth to = azimuth_of(o, s);
     real behind = madd(y, y, found * (found + 2 * real_abs(view.v)));
     real exponent = select(view.back, behind, madd(y, y, x * x));
-    return (struct normal){ .x = nmadd(x, ca, y * cb), .y = -madd(x, cb, y * ca), .z = splat(1), .mm = splat(1),
+    return (struct normal){ .x = nmadd(x, to.cos, y * to.sin), .y = -madd(x, to.sin, y * to.cos), .z = splat(1), .mm = splat(1),
                             .density = exp_minus(exponent) * R(ONE_OVER_PI) };
 }
 
@@ -326,10 +338,8 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
     real cos_b = select(direct, plain, conjugate), sin_b = nmadd(cos_a, s, sin_a * c);
     struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest), false, zero, zero) * R(0.5 * ONE_OVER_PI));
     real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos), z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
-    mask pole = less(o.s2, splat(REAL_MIN));
-    real ca = select(pole, splat(1), o.a / real_max(side, splat(REAL_MIN)));
-    real cb = select(pole, zero, o.b / real_max(side, splat(REAL_MIN)));
-    real mx = nmadd(x, ca, y * cb), my = -madd(x, cb, y * ca);
+    struct azimuth to = azimuth_of(o, side);
+    real mx = nmadd(x, to.cos, y * to.sin), my = -madd(x, to.sin, y * to.cos);
     return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)) };
 }
 
@@ -347,7 +357,7 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
  */
 INLINE struct normal cavity_normal(enum facet_ndf ndf, struct direction o, struct uniform u1, struct uniform u2)
 {
-    const real one = splat(1), zero = splat(0), most = splat(REAL_IS_FLOAT ? R(1e15) : R(1e140));
+    const real one = splat(1), zero = splat(0), most = splat(SLOPE_MAX);
     bool ggx = ndf == FACET_GGX;
     real radius = root_from_zero(ggx ? u1.u : minus_log(u1.u, u1.rest));
     real z = ggx ? real_max(root_from_zero(u1.rest), splat(NORMAL_MIN)) : one;
@@ -364,10 +374,8 @@ INLINE struct normal cavity_normal(enum facet_ndf ndf, struct direction o, struc
     mask alone = less(one, e * half.sin);
     real x = select(alone, half.sin, nmadd(i, cos_2, j * sin_2));
     real y = select(alone, half.cos, madd(j, cos_2, i * sin_2)) * select(less(u2.u, u2.rest), -one, one);
-    mask pole = less(o.s2, splat(REAL_MIN));
-    real ca = select(pole, one, o.a / real_max(side, splat(REAL_MIN)));
-    real cb = select(pole, zero, o.b / real_max(side, splat(REAL_MIN)));
-    return (struct normal){ radius * nmadd(y, cb, x * ca), radius * madd(x, cb, y * ca), z,
+    struct azimuth to = azimuth_of(o, side);
+    return (struct normal){ radius * nmadd(y, to.sin, x * to.cos), radius * madd(x, to.sin, y * to.cos), z,
                             one, ggx ? splat(R(ONE_OVER_PI)) : u1.rest * R(ONE_OVER_PI) };
 }
 

@@ -174,23 +174,15 @@ INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const 
     return saturated(quantity_fr(m, s, t->i, t->o, t->h) * R(1 / ONE_OVER_PI));
 }
 
-#define MARK(q)                                                                                 \
-    if (!COMPENSATED) {                                                                         \
-        mask out = stray(m, &s, &t, KERNEL_##q, value);                                         \
-        value = marked(out, value);                                                             \
-        some = (mask)(some | out);                                                              \
-    }                                                                                           \
-    STORE_##q(KERNEL_##q);
-
 #define PDF_LOOP(sampler, function, ndf)                                                        \
     LOOP(pdf_##sampler##_##ndf, ndf, SHEARED, SMITH, (void)0, {                                 \
         real value = function(m, &s, &t);                                                       \
-        MARK(PDF)                                                                               \
+        STORE_MARKED(PDF)                                                                       \
     })
 #define WEIGHT_LOOP(sampler, function, ndf, masking)                                            \
     LOOP(weight_##sampler##_##ndf##_##masking, ndf, SHEARED, masking, (void)0, {                \
         real value = function(m, &s, &t);                                                       \
-        MARK(WEIGHT)                                                                            \
+        STORE_MARKED(WEIGHT)                                                                    \
     })
 #include "samplers.def"
 #undef PDF_LOOP

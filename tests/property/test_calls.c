@@ -1,0 +1,91 @@
+/* The calls of facet.h agree with each other: on floats and on doubles, in every tier. */
+#include "check.h"
+#include "facet.h"
+#include "rng.h"
+
+#include <math.h>
+
+enum { N = 100 }; /* more than a vector, so that kernels run in place as well */
+
+static void draw_wo(struct rng *rng, float wo[3][N])
+{
+    for (int k = 0; k < N; k++) {
+        double z = 0.05 + 0.95 * rng_uniform(rng), phi = 6.28 * rng_uniform(rng), s = sqrt(1 - z * z);
+        wo[0][k] = (float)(s * cos(phi));
+        wo[1][k] = (float)(s * sin(phi));
+        wo[2][k] = (float)z;
+    }
+}
+
+static void widen(const float *from, double *to)
+{
+    for (int k = 0; k < N; k++) to[k] = from[k];
+}
+
+static void compare(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, struct rng *rng)
+{
+    static float wo[3][N], u[2][N], wi[3][N], weight[N], pdf[N];
+    static double o[3][N], v[2][N], i[3][N], w[N], p[N];
+    draw_wo(rng, wo);
+    for (int j = 0; j < 3; j++) widen(wo[j], o[j]);
+    for (int j = 0; j < 2; j++) {
+        for (int k = 0; k < N; k++) u[j][k] = (float)(0.01 + 0.98 * rng_uniform(rng));
+        widen(u[j], v[j]);
+    }
+    facet_samples_float floats = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight}, .pdf = pdf};
+    facet_samples doubles = {.wi = {i[0], i[1], i[2]}, .weight = {w}, .pdf = p};
+    CHECK_INT(facet_sample_float(brdf, tier, sampler, (facet_vec3_in_float){wo[0], wo[1], wo[2]}, u[0], u[1], N, &floats), FACET_OK);
+    CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, v[0], v[1], N, &doubles), FACET_OK);
+    /* Away from the ends of u and from grazing views: twice what the loosest tier errs. */
+    const double allowed = tier == FACET_DRAFT ? 1e-2 : 1e-3;
+    for (int k = 0; k < N; k++) {
+        for (int j = 0; j < 3; j++) CHECK(fabs(wi[j][k] - i[j][k]) <= allowed);
+        if (fabs(i[2][k]) < 0.02) continue; /* either side of the horizon */
+        CHECK(fabs(weight[k] - w[k]) <= allowed * (1 + w[k]));
+        CHECK(fabs(pdf[k] - p[k]) <= 10 * allowed * p[k]);
+    }
+}
+
+TEST(samples_on_floats_are_those_on_doubles)
+{
+    struct rng rng;
+    rng_seed(&rng, 91);
+    for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
+        facet_material m = {.ndf = (facet_ndf)ndf, .roughness = {.alpha_x = 0.4, .alpha_y = 0.3},
+                            .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        for (int s = FACET_SAMPLER_AUTO; brdf && s < FACET_SAMPLER_COUNT; s++)
+            for (int tier = 0; facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf) && tier < FACET_TIER_COUNT; tier++)
+                compare(brdf, (facet_tier)tier, (facet_sampler)s, &rng);
+        facet_brdf_destroy(brdf);
+    }
+}
+
+/* A tier without the thesis's forms takes the next one, never another model. */
+TEST(the_thesis_is_never_replaced)
+{
+    static float wi[3][N], wo[3][N];
+    static double i[3][N], o[3][N], exact[N], fr[N];
+    struct rng rng;
+    rng_seed(&rng, 92);
+    for (int masking = FACET_SMITH; masking <= FACET_SMITH_UNCORRELATED; masking++)
+        for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
+            facet_material m = {.ndf = (facet_ndf)ndf, .masking = (facet_masking)masking, .shear = FACET_THESIS,
+                                .roughness = {.alpha_x = 0.4, .alpha_y = 0.3, .slope_x = 0.3, .slope_y = -0.2},
+                                .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
+            facet_brdf *brdf = NULL;
+            CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+            draw_wo(&rng, wi);
+            draw_wo(&rng, wo);
+            for (int j = 0; j < 3; j++) widen(wi[j], i[j]), widen(wo[j], o[j]);
+            facet_vec3_in in = {i[0], i[1], i[2]}, out = {o[0], o[1], o[2]};
+            for (int tier = FACET_PRECISE; brdf && tier >= 0; tier--) {
+                facet_outputs outputs = {0};
+                outputs.of[FACET_FR][0] = tier == FACET_PRECISE ? exact : fr;
+                CHECK_INT(facet_eval(brdf, (facet_tier)tier, in, out, N, &outputs), FACET_OK);
+                for (int k = 0; tier < FACET_PRECISE && k < N; k++) CHECK_REL(fr[k], exact[k], 1e-6, 0);
+            }
+            facet_brdf_destroy(brdf);
+        }
+}
