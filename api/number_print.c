@@ -12,47 +12,54 @@ static bool is_digit(char c)
     return (unsigned char)(c - '0') < 10;
 }
 
-static const char pairs[] = "00010203040506070809101112131415161718192021222324252627282930313233"
-                            "34353637383940414243444546474849505152535455565758596061626364656667"
-                            "6869707172737475767778798081828384858687888990919293949596979899";
+/* "000 001 .. 999 ": four bytes each, so that one move takes three digits. */
+#define TEN(p) p "0 " p "1 " p "2 " p "3 " p "4 " p "5 " p "6 " p "7 " p "8 " p "9 "
+#define HUNDRED(p) TEN(p "0") TEN(p "1") TEN(p "2") TEN(p "3") TEN(p "4") TEN(p "5") TEN(p "6") TEN(p "7") TEN(p "8") TEN(p "9")
+static const char triples[] = HUNDRED("0") HUNDRED("1") HUNDRED("2") HUNDRED("3") HUNDRED("4") HUNDRED("5")
+    HUNDRED("6") HUNDRED("7") HUNDRED("8") HUNDRED("9");
 
 /*
- * n / 10^8 for n < 10^9 as a number with 57 bits behind the point: its whole part is the first
- * digit, and each multiplication by 100 brings two more.  Rounding the reciprocal up adds less than
- * 10^9 10^8 / 2^57 = .7 to the last pair.
+ * 2^54 / 10^(count - 3) rounded up: times a number of `count` digits it puts the point behind the third.
+ * Rounding adds less than 10^9 10^6 / 2^54 = .06 to the last triple.
  */
-static inline uint64_t point_before_eight(uint64_t n)
-{
-    return n * 1441151881;
-}
+static const uint64_t points[] = {0,
+                                  1801439850948198400,
+                                  180143985094819840,
+                                  18014398509481984,
+                                  1801439850948199,
+                                  180143985094820,
+                                  18014398509482,
+                                  1801439850949,
+                                  180143985095,
+                                  18014398510};
 
-static inline void write_eight(char *out, uint64_t y)
+/*
+ * The `count` digits of n and zeros, nine together; a tenth byte is written.  The whole part of n * point
+ * is the first triple, each multiplication by 1000 brings another, and none waits for the one before.
+ */
+static inline void write_nine(char *out, uint64_t n, int count)
 {
-    const uint64_t fraction = ((uint64_t)1 << 57) - 1;
-    for (int i = 0; i < 8; i += 2) {
-        y = (y & fraction) * 100;
-        memcpy(out + i, pairs + 2 * (y >> 57), 2);
-    }
+    const uint64_t fraction = ((uint64_t)1 << 54) - 1;
+    uint64_t y = n * points[count];
+    memcpy(out, triples + 4 * (y >> 54), 4);
+    memcpy(out + 3, triples + 4 * ((y & fraction) * 1000 >> 54), 4);
+    memcpy(out + 6, triples + 4 * ((y * 1000 & fraction) * 1000 >> 54), 4);
 }
 
 /*
- * The digits of n != 0, which has `count` <= 17, padded with zeros to 9 or 17 of them.  Returns how
- * many there are without the zeros at the end.
+ * The digits of n, which has `count` <= 17 and begins with no zero, padded with zeros to 9 or 18 of them.
+ * Returns how many there are without the zeros at the end.
  */
 __attribute__((always_inline)) static inline int write_digits(char *out, uint64_t n, int count)
 {
-    uint64_t y, high = n;
     if (count <= 9) {
-        high *= tens[9 - count];
+        write_nine(out, n, count);
     } else {
-        uint64_t all = n * tens[17 - count];
-        high = all / 100000000;
-        write_eight(out + 9, point_before_eight(all - 100000000 * high));
+        uint64_t all = n * tens[18 - count], high = all / 1000000000;
+        write_nine(out, high, 9);
+        write_nine(out + 9, all - 1000000000 * high, 9);
     }
-    y = point_before_eight(high);
-    *out = (char)('0' + (y >> 57));
-    write_eight(out + 1, y);
-    for (; n % 10 == 0; n /= 10) count--;
+    while (out[count - 1] == '0') count--;
     return count;
 }
 
@@ -82,13 +89,17 @@ static int write_far(char *out, const char *digits, int count, int exponent)
     return plain;
 }
 
-/* n of `count` digits stands for d.ddd 10^exponent; returns the length. */
-__attribute__((always_inline)) static inline int write_decimal(char *out, uint64_t n, int count, int exponent)
+/* 0.00ddd, for exponents -4 to -1: the digits fall into their place. */
+__attribute__((always_inline)) static inline int write_fraction(char *out, uint64_t n, int count, int exponent)
 {
-    if (exponent >= -4 && exponent < 0) { /* 0.00ddd: the digits fall into their place */
-        memcpy(out, "0.0000", 6);
-        return 1 - exponent + write_digits(out + 1 - exponent, n, count);
-    }
+    memcpy(out, "0.000000", 8);
+    return 1 - exponent + write_digits(out + 1 - exponent, n, count);
+}
+
+/* n of `count` digits stands for d.ddd 10^exponent; returns the length. */
+static inline int write_decimal(char *out, uint64_t n, int count, int exponent)
+{
+    if (exponent >= -4 && exponent < 0) return write_fraction(out, n, count, exponent);
     char digits[24];
     count = write_digits(digits, n, count);
     if (exponent < 0 || exponent >= count) return write_far(out, digits, count, exponent);
@@ -99,27 +110,13 @@ __attribute__((always_inline)) static inline int write_decimal(char *out, uint64
     return count + 1;
 }
 
-/*
- * What is no number, and zero: their length.  -1 for the others, whose sign is written where
- * *out then stands behind it.
- */
-static inline int write_special(char **out, double *value)
+/* What is no number, and zero: their length; -1 for the others. */
+static int write_special(char *out, double value)
 {
-    uint64_t bits = to_bits(*value), negative = bits >> 63;
-    **out = '-';
-    *out += negative;
-    *value = from_bits(bits << 1 >> 1);
-    if (*value > 0 && *value < INFINITY) return -1;
-    bool is_zero = *value == 0;
-    if (!is_zero) *out -= negative;
-    memcpy(*out, is_zero ? "0" : "null", is_zero ? 2 : 5);
-    return is_zero ? (int)negative + 1 : 4;
-}
-
-/* floor(exponent log10 2), exact for |exponent| < 1700. */
-static int log10_of_binary(int exponent)
-{
-    return (exponent * 315653) >> 20;
+    if (value != 0 && fabs(value) < INFINITY) return -1;
+    const char *text = value != 0 ? "null" : signbit(value) ? "-0" : "0";
+    strcpy(out, text);
+    return (int)strlen(text);
 }
 
 /* By the C library: where rounding is too close to call. */
@@ -165,34 +162,48 @@ static uint64_t round_to_digits(double value, int digits, int *exponent)
  */
 __attribute__((always_inline)) static inline uint64_t round_to_few(uint64_t bits, int digits, int *exponent)
 {
-    uint64_t w = bits << 11 | (uint64_t)1 << 63;
-    int e = (int)(bits >> 52) - 1023, k = log10_of_binary(e);
-    uint64_t above = (uint64_t)(power(k + 1) >> 64);
-    if (log2_of_power(k + 1) == e) k += w >= above;
+    uint64_t w = bits << 11 | (uint64_t)1 << 63, binade = api_binades[bits >> 52];
+    int e = (int)(bits >> 52) - 1023, k = (int)(binade & 2047) - LOG10_BIAS + (w > binade);
     int q = digits - 1 - k, shift = 62 - e - log2_of_power(q);
-    uint64_t high = (uint64_t)((wide)w * (uint64_t)(power(q) >> 64) >> 64), n = high >> shift;
-    uint64_t half = (uint64_t)1 << shift >> 1, rest = high - (n << shift);
-    n += rest >= half;
+    uint64_t high = (uint64_t)((wide)w * (uint64_t)(power(q) >> 64) >> 64);
+    uint64_t above = high + ((uint64_t)1 << shift >> 1) + 2, n = above >> shift;
     *exponent = k;
-    bool is_certain = rest - (half - 2) > 2 && n < tens[digits];
+    bool is_certain = (above - 3) >> shift == n && n < tens[digits];
     return is_certain ? n : 0;
 }
 
-int api_number_print_digits(char *out, double value, int digits)
+/* The number with its sign, and the NUL. */
+__attribute__((noinline)) static int print_decimal(char *out, bool is_negative, uint64_t n, int count, int exponent)
 {
     char *p = out;
-    uint64_t bits = to_bits(value) << 1 >> 1, n = 0;
-    int exponent, length;
-    if (digits <= 9 && (bits >> 52) - 1 < 2046) {
-        *p = '-';
-        p += to_bits(value) >> 63;
-        n = round_to_few(bits, digits, &exponent);
-        value = from_bits(bits);
-    } else if ((length = write_special(&p, &value)) >= 0) {
-        return length;
-    }
-    if (!n) n = round_to_digits(value, digits, &exponent);
-    p += write_decimal(p, n, digits, exponent);
+    *p = '-';
+    p += is_negative;
+    p += write_decimal(p, n, count, exponent);
+    *p = 0;
+    return (int)(p - out);
+}
+
+__attribute__((noinline)) static int print_any_digits(char *out, double value, int digits)
+{
+    int exponent, length = write_special(out, value);
+    if (length >= 0) return length;
+    uint64_t n = round_to_digits(fabs(value), digits, &exponent);
+    return print_decimal(out, value < 0, n, digits, exponent);
+}
+
+/* What is most frequent by far, a fraction of few digits, here and in registers; the rest by others. */
+int api_number_print_digits(char *out, double value, int digits)
+{
+    uint64_t bits = to_bits(value) << 1 >> 1, is_negative = to_bits(value) >> 63;
+    int exponent;
+    if (digits > 9 || (bits >> 52) - 1 >= 2046) return print_any_digits(out, value, digits);
+    uint64_t n = round_to_few(bits, digits, &exponent);
+    if (!n) return print_any_digits(out, value, digits);
+    if (exponent < -4 || exponent >= 0) return print_decimal(out, is_negative, n, digits, exponent);
+    char *p = out;
+    *p = '-';
+    p += is_negative;
+    p += write_fraction(p, n, digits, exponent);
     *p = 0;
     return (int)(p - out);
 }
@@ -244,13 +255,11 @@ static int count_digits(uint64_t n)
 
 int api_number_print(char *out, double value)
 {
-    char *p = out;
-    int k = 0, length = write_special(&p, &value);
+    int k = 0, length = write_special(out, value);
     if (length >= 0) return length;
-    bool is_whole = value < 0x1p53 && value == (double)(uint64_t)value;
-    uint64_t n = is_whole ? (uint64_t)value : shortest(value, &k);
+    double size = fabs(value);
+    bool is_whole = size < 0x1p53 && size == (double)(uint64_t)size;
+    uint64_t n = is_whole ? (uint64_t)size : shortest(size, &k);
     int count = count_digits(n);
-    p += write_decimal(p, n, count, k + count - 1);
-    *p = 0;
-    return (int)(p - out);
+    return print_decimal(out, value < 0, n, count, k + count - 1);
 }

@@ -3,6 +3,7 @@
 enum { LIMBS = 18 };
 
 wide api_powers[POWER_MAX - POWER_MIN + 1];
+uint64_t api_binades[2047];
 
 /* The 128 leading bits of a long number, least limb first. */
 static wide leading_bits(const uint64_t limbs[LIMBS])
@@ -12,6 +13,15 @@ static wide leading_bits(const uint64_t limbs[LIMBS])
     int shift = __builtin_clzll(limbs[top]);
     wide high = (wide)limbs[top] << 64 | limbs[top - 1];
     return shift ? high << shift | limbs[top - 2] >> (64 - shift) : high;
+}
+
+static void fill_binades(void)
+{
+    for (int bits = 1; bits < 2047; bits++) {
+        int e = bits - 1023, k = log10_of_binary(e);
+        uint64_t above = log2_of_power(k + 1) == e ? (uint64_t)(power(k + 1) >> 64) : 0;
+        api_binades[bits] = (above - 1) >> 11 << 11 | (uint64_t)(k + LOG10_BIAS);
+    }
 }
 
 /* Before main, so that no thread can come too early; a few hundred microseconds. */
@@ -35,4 +45,5 @@ __attribute__((constructor)) static void fill_powers(void)
         }
         api_powers[q - POWER_MIN] = leading_bits(down);
     }
+    fill_binades();
 }

@@ -21,6 +21,20 @@ static inline wide power(int q)
     return api_powers[q - POWER_MIN];
 }
 
+/*
+ * By the 11 bits of a normal double's exponent, what tells its decimal one.  Low 11 bits: LOG10_BIAS +
+ * floor(log10) of the least such double.  All 64: at or above the 53 bits, written from the top one on,
+ * of the greatest double below the power of ten among them; where there is none, of the greatest.
+ */
+extern uint64_t api_binades[2047];
+enum { LOG10_BIAS = 308 };
+
+/* floor(exponent log10 2), exact for |exponent| < 1700. */
+static inline int log10_of_binary(int exponent)
+{
+    return (exponent * 315653) >> 20;
+}
+
 /* floor(q log2 10): exact for |q| < 400, as the test of every power shows. */
 static inline int log2_of_power(int q)
 {
