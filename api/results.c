@@ -64,8 +64,9 @@ static char *write_doubles(size_t width, double *const columns[], size_t n, char
 
 static char *write_rounded(size_t width, double *const columns[], size_t n, char *p)
 {
+    size_t done = width == 1 ? put_narrowed(p, columns[0], n) : 0;
     for (size_t k = 0; k < width; k++)
-        for (size_t i = 0; i < n; i++) {
+        for (size_t i = done; i < n; i++) {
             float x = (float)columns[k][i];
             memcpy(p + (i * width + k) * sizeof x, &x, sizeof x);
         }
@@ -109,10 +110,19 @@ static const double float_max = 0x1.fffffefffffffp127;
 
 static bool all_below(const struct results *r, double *const columns[], size_t n, double max)
 {
-    bool good = true;
-    for (size_t k = 0; k < r->width; k++)
-        for (size_t i = 0; i < n; i++) good &= fabs(columns[k][i]) <= max;
-    return good;
+    const double2 most = {max, max};
+    int4 good = {-1, -1, -1, -1}; /* two halves each */
+    bool rest = true;
+    for (size_t k = 0; k < r->width; k++) {
+        size_t i = 0;
+        for (; i + 2 <= n; i += 2) {
+            double2 v;
+            memcpy(&v, columns[k] + i, sizeof v);
+            good &= (int4)(v <= most) & (int4)(v >= -most);
+        }
+        for (; i < n; i++) rest &= fabs(columns[k][i]) <= max;
+    }
+    return rest & !!(good[0] & good[1] & good[2] & good[3]);
 }
 
 enum results_fault api_results_fault(const struct results *r, double *const columns[], size_t n,

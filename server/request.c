@@ -197,6 +197,19 @@ static size_t next_capacity(const struct request *request, size_t needed)
     return capacity < needed ? needed : capacity;
 }
 
+/*
+ * Page by page: of more, glibc 2.36 makes one `rep movsb`, which costs AMD's Zen 3 and 4 many times as
+ * much where the two addresses have about the same place in their pages (glibc bug 30994).
+ */
+static void copy_bytes(char *to, const char *from, size_t size)
+{
+    enum { PAGE = 4096 };
+    for (size_t n; size; to += n, from += n, size -= n) {
+        n = size < PAGE ? size : PAGE;
+        memcpy(to, from, n);
+    }
+}
+
 enum request_body request_add_body(struct request *request, const void *data, size_t size,
                                    struct body_budget *budget)
 {
@@ -213,7 +226,7 @@ enum request_body request_add_body(struct request *request, const void *data, si
     }
     budget->used += size;
     request->body_held += size;
-    memcpy(request->body + request->body_size, data, size);
+    copy_bytes(request->body + request->body_size, data, size);
     request->body_size = needed;
     return BODY_OK;
 }

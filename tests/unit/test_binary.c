@@ -177,21 +177,44 @@ TEST(what_no_float_holds_is_refused)
                  {INFINITY, RESULTS_FLOAT64, RESULTS_NOT_FINITE},
                  {NAN, RESULTS_FLOAT32, RESULTS_NOT_FINITE},
                  {NAN, RESULTS_JSON, RESULTS_NOT_FINITE}};
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        double x[5] = {1, 2, 3, cases[i].value, 4}, y[5] = {0};
+    for (size_t i = 0; i < 5 * (sizeof cases / sizeof *cases); i++) {
+        const size_t at = i % 5;
+        double x[5] = {1, 2, 3, 4, 5}, y[5] = {0};
+        char told[32];
+        x[at] = cases[i / 5].value;
+        snprintf(told, sizeof told, "D of pair %zu is", at);
         double *const columns[] = {y, x};
         struct arena arena;
         struct results results;
         struct problem problem = {0};
         api_arena_open(&arena, 1 << 20);
-        api_results_open_as(&results, &arena, cases[i].format, 2, false, 9);
-        enum results_fault fault = cases[i].fault;
+        api_results_open_as(&results, &arena, cases[i / 5].format, 2, false, 9);
+        enum results_fault fault = cases[i / 5].fault;
         CHECK(api_results_add(&results, columns, 5) == !fault);
         CHECK_INT(results.fault, fault);
-        CHECK_INT(results.count, fault ? 3 : 5);
+        CHECK_INT(results.count, fault ? at : 5);
         CHECK(api_results_check(&results, "D", "pair", &problem) == !fault);
-        if (fault) CHECK(strstr(fault == RESULTS_TOO_LARGE ? problem.errors[0].detail : problem.detail, "D of pair 3 is"));
+        if (fault) CHECK(strstr(fault == RESULTS_TOO_LARGE ? problem.errors[0].detail : problem.detail, told));
         api_arena_close(&arena);
+    }
+}
+
+/* One number each and three, by the four and the rest. */
+TEST(doubles_are_written_as_floats)
+{
+    enum { ROWS = 7, WIDTH = 3 };
+    double columns[WIDTH][ROWS], *const of[WIDTH] = {columns[0], columns[1], columns[2]};
+    for (size_t k = 0; k < WIDTH; k++)
+        for (size_t i = 0; i < ROWS; i++) columns[k][i] = (i % 2 ? -1.3 : 0.7) * (double)(10 * k + i + 1);
+    for (size_t width = 1; width <= WIDTH; width++) {
+        char bytes[ROWS * WIDTH * sizeof(float)];
+        const struct results results = {.format = RESULTS_FLOAT32, .width = width};
+        CHECK(api_results_write(&results, of, ROWS, true, bytes) == bytes + ROWS * width * sizeof(float));
+        for (size_t i = 0; i < ROWS * width; i++) {
+            float x;
+            memcpy(&x, bytes + i * sizeof x, sizeof x);
+            CHECK(x == (float)columns[i % width][i / width]);
+        }
     }
 }
 
