@@ -1,5 +1,6 @@
 #include "arena.h"
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +10,7 @@ enum { LINE = 64, BLOCK = 16384 };
 struct arena_block {
     struct arena_block *next;
     size_t used, size; /* of the bytes that follow the header's line */
+    bool is_lent;
 };
 
 struct arena_deferred {
@@ -18,6 +20,7 @@ struct arena_deferred {
 };
 
 _Static_assert(sizeof(struct arena_block) <= LINE, "the header of a block fits its line");
+_Static_assert(2 * LINE <= ARENA_OVERHEAD, "the header and what alignment takes");
 
 void api_arena_open(struct arena *arena, size_t limit)
 {
@@ -29,9 +32,18 @@ void api_arena_close(struct arena *arena)
     for (struct arena_deferred *d = arena->deferred; d; d = d->next) d->destroy(d->object);
     for (struct arena_block *b = arena->blocks, *next; b; b = next) {
         next = b->next;
-        free(b);
+        if (!b->is_lent) free(b);
     }
     *arena = (struct arena){0};
+}
+
+void api_arena_lend(struct arena *arena, void *bytes, size_t size)
+{
+    char *line = (char *)(((uintptr_t)bytes + LINE - 1) / LINE * LINE);
+    struct arena_block *block = (struct arena_block *)(void *)line;
+    if (size < ARENA_OVERHEAD) return;
+    *block = (struct arena_block){.size = (size - ARENA_OVERHEAD) / LINE * LINE, .is_lent = true};
+    arena->blocks = block;
 }
 
 static struct arena_block *block_of(struct arena *arena, size_t size)

@@ -21,6 +21,10 @@ struct arena {
 void api_arena_open(struct arena *arena, size_t limit);
 void api_arena_close(struct arena *arena);
 
+/* What an empty arena takes first: the caller's bytes, which stay his.  It uses all but the overhead. */
+enum { ARENA_OVERHEAD = 128 };
+void api_arena_lend(struct arena *arena, void *bytes, size_t size);
+
 /* Aligned to a cache line, not zeroed; NULL when memory or the limit is exhausted. */
 void *api_arena_alloc(struct arena *arena, size_t size);
 /* count * size bytes, zeroed. */

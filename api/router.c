@@ -317,12 +317,19 @@ static bool run(struct call *call)
     return ok;
 }
 
+/* All but the headers that do not count: for a tiny answer their zeros would be much work. */
+static void reset(struct api_response *response)
+{
+    memset(response, 0, offsetof(struct api_response, headers));
+}
+
 /* The answer is to come in blocks: everything it needs moves into the stream. */
 static void keep_stream(struct api_stream *stream, struct api_response *response)
 {
     stream->request = *stream->call.request;
     stream->call.request = &stream->request;
     stream->call.response = &stream->scratch;
+    reset(&stream->scratch);
     response->stream = stream;
 }
 
@@ -330,7 +337,6 @@ static void handle(const struct endpoint *endpoint, const struct api_request *re
                    struct api_stream *stream, struct api_response *response)
 {
     struct problem *problem = &stream->problem;
-    api_arena_open(&stream->arena, LIMIT_REQUEST_MEMORY);
     stream->call = (struct call){.endpoint = endpoint,
                                  .request = request,
                                  .arena = &stream->arena,
@@ -359,16 +365,10 @@ static __attribute__((noinline)) void refuse_early(const struct endpoint *endpoi
     api_problem_answer(&problem, response);
 }
 
-/* All but the headers that do not count: for a tiny answer their zeros would be much work. */
-static void reset(struct api_response *response)
-{
-    memset(response, 0, offsetof(struct api_response, headers));
-}
-
 void api_handle(const struct api_request *request, struct api_response *response)
 {
     const struct endpoint *endpoint = find(request->method, request->path);
-    struct api_stream *stream = endpoint ? calloc(1, sizeof *stream) : NULL;
+    struct api_stream *stream = endpoint ? api_stream_open(LIMIT_REQUEST_MEMORY) : NULL;
     reset(response);
     response->status = 200;
     if (!stream) {

@@ -1,7 +1,18 @@
 #include "stream.h"
 
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
+
+struct api_stream *api_stream_open(size_t memory_limit)
+{
+    struct api_stream *stream = malloc(sizeof *stream);
+    if (!stream) return NULL;
+    memset(stream, 0, offsetof(struct api_stream, problem.errors));
+    api_arena_open(&stream->arena, memory_limit);
+    api_arena_lend(&stream->arena, stream->first, sizeof stream->first);
+    return stream;
+}
 
 void api_stream_close(struct api_stream *stream)
 {

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 enum {
-    CONNECTION_MEMORY = 32768, /* half of it is what a body comes in; zeroed for each request, so that more costs caches */
+    CONNECTION_MEMORY = 24576, /* half of it is what a body comes in; zeroed for each request, so that more costs caches */
     MEMORY_INCREMENT = 8192
 };
 

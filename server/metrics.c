@@ -84,7 +84,7 @@ static size_t place_of(_Atomic(const char *) *table, size_t size, const char *te
     for (size_t i = 0; i + 1 < size; i++) {
         const char *there = atomic_load(&table[i]);
         if (!there && atomic_compare_exchange_strong(&table[i], &there, text)) return i;
-        if (!strcmp(there, text)) return i;
+        if (there == text || !strcmp(there, text)) return i;
     }
     const char *none = NULL;
     atomic_compare_exchange_strong(&table[size - 1], &none, "other");
