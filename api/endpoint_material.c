@@ -114,7 +114,7 @@ static bool describe(struct call *call, const struct surface *surface, const str
         !numbers(call, own ? in->moments.values : moments, 5, &out->moments))
         return false;
     return numbers(call, (double[]){x, y}, 2, &out->mean_slope) &&
-           numbers(call, (double[]){-x / length, -y / length, 1 / length}, 3, &out->mean_normal);
+           numbers(call, (double[]){(0 - x) / length, (0 - y) / length, 1 / length}, 3, &out->mean_normal);
 }
 
 static bool handle(struct call *call)

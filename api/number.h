@@ -41,7 +41,10 @@ enum { NUMBER_ROOM = 40, NUMBER_SHORTEST = 0, NUMBER_DIGITS_MAX = 17 };
  */
 int api_number_print(char *out, double value);
 
-/* The same of value rounded to so many significant digits, 1 .. 17; trailing zeros are dropped. */
+/*
+ * The same of value rounded to so many significant digits, 1 .. 17; trailing zeros are dropped.
+ * What would round to more than the largest double keeps all its digits.
+ */
 int api_number_print_digits(char *out, double value, int digits);
 
 #endif

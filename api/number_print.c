@@ -3,6 +3,7 @@
 
 #include "power_of_ten.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -188,6 +189,9 @@ __attribute__((noinline)) static int print_any_digits(char *out, double value, i
     int exponent, length = write_special(out, value);
     if (length >= 0) return length;
     uint64_t n = round_to_digits(fabs(value), digits, &exponent);
+    /* Next to the largest double, rounding up leaves the doubles, and a reader would see infinity. */
+    if (exponent >= DBL_MAX_10_EXP && (exponent > DBL_MAX_10_EXP || n > 17976931348623157 / tens[17 - digits]))
+        return api_number_print(out, value);
     return print_decimal(out, value < 0, n, digits, exponent);
 }
 
@@ -196,7 +200,7 @@ int api_number_print_digits(char *out, double value, int digits)
 {
     uint64_t bits = to_bits(value) << 1 >> 1, is_negative = to_bits(value) >> 63;
     int exponent;
-    if (digits > 9 || (bits >> 52) - 1 >= 2046) return print_any_digits(out, value, digits);
+    if (digits > 9 || (bits >> 52) - 1 >= 2045) return print_any_digits(out, value, digits);
     uint64_t n = round_to_few(bits, digits, &exponent);
     if (!n) return print_any_digits(out, value, digits);
     if (exponent < -4 || exponent >= 0) return print_decimal(out, is_negative, n, digits, exponent);

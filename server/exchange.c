@@ -8,6 +8,7 @@
 
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 
 enum { SMALL_BODY = 65536 }; /* so many bytes are no reason to give memory back */
 
@@ -61,6 +62,20 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
     return MHD_YES;
 }
 
+static void refuse_size(struct request *request)
+{
+    char detail[96];
+    snprintf(detail, sizeof detail, "the body is larger than the %zu bytes that this endpoint takes",
+             request->route.body_max);
+    request_refuse(request, 413, detail);
+}
+
+static bool is_encoded(struct client *client)
+{
+    const char *encoding = client_header(client, "Content-Encoding");
+    return encoding && *encoding && strcasecmp(encoding, "identity");
+}
+
 /* What the head alone decides; true if the request is refused or answered. */
 static bool settle_by_head(struct http *http, struct client *client, const struct head *head)
 {
@@ -91,7 +106,11 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         return true;
     }
     if (head->length > request->route.body_max) {
-        request_refuse(request, 413, "the body is larger than this endpoint takes");
+        refuse_size(request);
+        return true;
+    }
+    if (request->route.body_max && is_encoded(client)) {
+        request_refuse(request, 415, "bodies are taken as they are, without Content-Encoding");
         return true;
     }
     return false;
@@ -130,7 +149,7 @@ static enum MHD_Result collect(struct http *http, struct client *client, const c
     case BODY_OK:
         return MHD_YES;
     case BODY_TOO_LARGE:
-        request_refuse(request, 413, "the body is larger than this endpoint takes");
+        refuse_size(request);
         break;
     case BODY_NO_MEMORY:
         request_refuse(request, 503, "too many bodies are being received");

@@ -51,6 +51,7 @@ TEST(a_body_at_the_limit_is_taken_and_one_beyond_is_not)
     CHECK_INT(answer.body_size, LIMIT);
     CHECK(daemon_ask(&daemon, "POST", "/echo", "", body, LIMIT + 1, &answer));
     CHECK_INT(answer.status, 413);
+    CHECK(strstr(answer.body, "larger than the 1048576 bytes that") != NULL);
     CHECK_INT(daemon_stop(&daemon), 0);
     free(body);
 }

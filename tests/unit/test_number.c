@@ -5,6 +5,7 @@
 #include "check.h"
 #include "number.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -230,6 +231,7 @@ static void check_digits(double x, int digits)
     memset(printed, '#', sizeof printed);
     int n = api_number_print_digits(printed, x, digits);
     snprintf(expected, sizeof expected, "%.*e", digits - 1, x);
+    if (isfinite(x) && isinf(strtod(expected, NULL))) api_number_print(expected, x);
     normal_form(printed, a);
     normal_form(expected, b);
     if (n < 1 || n >= NUMBER_ROOM || printed[n] || strcmp(a, b))
@@ -258,6 +260,8 @@ TEST(digits_print_as_printf_does)
             check_digits(nextafter(x, 0), d);
             check_digits(-nextafter(x, INFINITY), d);
         }
+    for (double x = DBL_MAX; x > 1.4e308; x -= ldexp(DBL_MAX, -9))
+        for (int d = 1; d <= 17; d++) check_digits(x, d);
 }
 
 static void check_shortest(double x)
