@@ -3,9 +3,12 @@
  *
  * The table holds log D(theta), D the normal distribution at alpha = 1, at n
  * nodes uniform in u = tan theta / (scale + tan theta), u = 0 .. 1 (the last
- * node is the horizon).  Between the nodes log(P (1 + tan theta/scale)^4), P =
- * D cos^4 theta the slope density, is a cubic spline in u: finite at the horizon
- * as D is, and smooth where D is not (tan theta about 1 in a narrow table).
+ * node is the horizon).  Between them log(P (1 + tan theta/scale)^4), P = D cos^4
+ * theta the slope density, is interpolated: finite at the horizon as D is, and smooth
+ * where D is not (tan theta about 1 in a narrow table).  Nodes on a smooth curve (sixth
+ * differences of 1e-2 or less) are met by polynomials of degree 7: D of a Beckmann
+ * surface between 91 nodes is right to 2e-7 down to 1e-4 of its peak.  Others by a
+ * cubic spline that does not ring.
  */
 #ifndef FACET_TABLE_H
 #define FACET_TABLE_H

@@ -17,6 +17,7 @@ trap '[ -z "$daemon" ] || kill "$daemon" 2>/dev/null' EXIT
 for material in gold-metallic-paint chrome pink-fabric; do
     map=$folder/$material.binary best=999 cpu=999
     [ -s "$map" ] || "$folder/make_merl" "$table" "$material" "$map"
+    : >"$folder/out" # the last daemon listened elsewhere
     "$facetd" --port 0 --log events >"$folder/out" 2>&1 &
     daemon=$!
     until grep -q listening "$folder/out"; do sleep 0.1; done

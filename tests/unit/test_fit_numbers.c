@@ -79,11 +79,11 @@ TEST(slope_distribution_everywhere)
             extraction_error(&closed, 360, &at_360, &table_360);
             CHECK(at_90 <= rows[k].at_90);
             CHECK(at_360 <= rows[k].at_360);
-            CHECK(table_90 <= fmax(rows[k].at_90, 2e-5)); /* cubics between 91 nodes */
+            CHECK(table_90 <= rows[k].at_90);
             CHECK(table_360 <= rows[k].at_360);
             snprintf(name, sizeof name, "%s%g", rows[k].ndf == FACET_GGX ? "g" : "b", rows[k].alpha);
             check_note(name, at_90);
-            check_note("table of 90", table_90);
+            check_note(rows[k].at_90 < 1e-5 ? "table of 90" : "wide table of 90", table_90);
             check_note("at 360", fmax(at_360, table_360));
         }
     }
