@@ -182,7 +182,7 @@ TEST(no_error_exceeds_the_bound_answered)
             } while (fabs(length(wi[k]) - 1) > 1e-7 || fabs(length(wo[k]) - 1) > 1e-7);
             for (int j = 0; j < 3 && floats; j++) wi[k][j] = (float)wi[k][j], wo[k][j] = (float)wo[k][j];
         }
-            put_material(&t, &m);
+        put_material(&t, &m);
         struct answer a = ask_pairs(&t, wi, wo, rng_log(&rng, 1e-15, 1e-1), as_form);
         if (a.response.status == 200) {
             if (as_form)
