@@ -85,7 +85,7 @@ static struct worst worst_of(const facet_material *m, facet_tier tier, facet_sam
         reference_uniforms(sampler, m, wo, i, n, found);
         for (int j = 0; j < 2; j++) {
             double error = difference(u[j][k], found[j], j == azimuth_of(sampler, m->ndf));
-            if (!(error <= worst.error)) worst.error = error;
+            worst.error = check_worse(worst.error, error);
             beyond |= !(error <= asked);
         }
         worst.crowded += beyond;

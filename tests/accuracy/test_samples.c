@@ -125,8 +125,8 @@ static struct miss miss_of(const struct batch *b, size_t k, const struct referen
 {
     struct miss m = {0, 0, x->pdf > DBL_MAX ? 0 : reference_error(b->pdf[k], x->pdf, FACET_FLOOR)};
     for (int j = 0; j < 3; j++) {
-        m.wi = fmax(m.wi, reference_error(b->wi[j][k], x->wi[j], 1));
-        m.h = fmax(m.h, reference_error(b->h[j][k], x->h[j], 1));
+        m.wi = check_worse(m.wi, reference_error(b->wi[j][k], x->wi[j], 1));
+        m.h = check_worse(m.h, reference_error(b->h[j][k], x->h[j], 1));
     }
     return m;
 }

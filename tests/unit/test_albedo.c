@@ -49,7 +49,7 @@ TEST(directional_albedo_is_the_reference)
         facet_albedo_value value;
         CHECK_INT(albedo_of(&m, o, 1e-9, &value), FACET_OK);
         double exact = textbook_albedo(&m, o, 1e-13), error = fabs(value.value[0] - exact);
-        worst = fmax(worst, error);
+        worst = check_worse(worst, error);
         if (!(error <= 1e-10 && error <= value.error[0] + 1e-11 && value.error[0] <= 1e-9 * exact))
             check_fail(__FILE__, __LINE__, "albedo %.14g, reported to %.2g, is %.14g: %s, theta %g phi %g",
                        value.value[0], value.error[0], exact, draw_text(&m), view[0], view[1]);
@@ -141,7 +141,7 @@ TEST(errors_are_honest_everywhere)
             CHECK(isfinite(rough.value[c]) && rough.value[c] >= 0 && rough.error[c] >= 0);
             bool promised = rough.error[c] < 0.1 * rough.value[c] && fine.error[c] < 0.1 * fine.value[c];
             double allowed = rough.error[c] + fine.error[c] + 1e-30;
-            if (promised) worst = fmax(worst, difference / allowed);
+            if (promised) worst = check_worse(worst, difference / allowed);
             if (promised && !(difference <= allowed))
                 check_fail(__FILE__, __LINE__, "albedo %.10g +- %.2g, then %.10g +- %.2g: %s, wo %.17g %.17g %.17g",
                            rough.value[c], rough.error[c], fine.value[c], fine.error[c], draw_text(&m), o[0], o[1], o[2]);

@@ -251,7 +251,7 @@ TEST(rounding_of_the_parameters_is_in_the_bound)
         double relative, promised;
         if (!open_random(&rng, &relative, &promised)) continue;
         opened++;
-        worst = fmax(worst, relative / promised);
+        worst = check_worse(worst, relative / promised);
         if (!(relative <= promised))
             check_fail(__FILE__, __LINE__, "case %d: %g, promised %g", i, relative, promised);
     }

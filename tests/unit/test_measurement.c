@@ -101,7 +101,7 @@ TEST(bsdf_as_its_own_reader)
         if (!ask_one(&o.m.source, i, w, ours)) continue;
         for (int c = 0; c < 3; c++) {
             double fr_cos = ours[c] * w[2], expected = fmax(rgb[c], 0);
-            worst = fmax(worst, fabs(fr_cos - expected) / fmax(expected, 1e-2));
+            worst = check_worse(worst, fabs(fr_cos - expected) / fmax(expected, 1e-2));
         }
         rows++;
     }
