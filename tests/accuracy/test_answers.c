@@ -97,7 +97,7 @@ static void read_bytes(const struct answer *a, struct told *told)
         if (!strcmp(a->response.headers[i].name, "Facet-Answer")) answer = a->response.headers[i].value;
     }
     json_t *root = json_loads(answer, 0, NULL), *accuracy = json_object_get(root, "accuracy");
-    told->bound = json_number_value(json_object_get(accuracy, "bound"));
+    told->bound = answer_value(json_object_get(accuracy, "bound"));
     for (int t = 0; t < FACET_TIER_COUNT; t++) {
         const char *name = facet_tier_name((facet_tier)t), *tier = json_string_value(json_object_get(accuracy, "tier"));
         if (tier && !strcmp(tier, name)) told->tier = name;

@@ -48,7 +48,7 @@ TEST(directional_albedo_is_the_reference)
         double s = sin(view[0]), o[3] = {s * cos(view[1]), s * sin(view[1]), cos(view[0])};
         facet_albedo_value value;
         CHECK_INT(albedo_of(&m, o, 1e-9, &value), FACET_OK);
-        double exact = textbook_albedo(&m, o, 1e-13), error = fabs(value.value[0] - exact);
+        double exact = textbook_albedo(&m, o, 1e-12), error = fabs(value.value[0] - exact);
         worst = check_worse(worst, error);
         if (!(error <= 1e-10 && error <= value.error[0] + 1e-11 && value.error[0] <= 1e-9 * exact))
             check_fail(__FILE__, __LINE__, "albedo %.14g, reported to %.2g, is %.14g: %s, theta %g phi %g",
@@ -176,14 +176,16 @@ static facet_status mean_of(const facet_material *m, double tolerance, facet_alb
 TEST(the_mean_is_the_mean)
 {
     facet_albedo_value value;
-    double tolerance = draw_count(10) >= 10 ? 1e-8 : 1e-6; /* a short run has a thinner reference, not fewer cases */
+    bool is_full = draw_count(10) >= 10; /* a short run has a thinner reference, not fewer cases */
+    double tolerance = is_full ? 1e-8 : 1e-6;
     for (int k = 0; k < 4; k += 3) {
         facet_material m = {.ndf = (facet_ndf)(k % 2), .roughness = surfaces[k / 2], .fresnel = terms[k]};
         struct mean mean = {&m, tolerance / 100};
         CHECK_INT(mean_of(&m, tolerance, &value), FACET_OK);
         double exact = textbook_integral(mean_at, &mean, 0, 0.1, mean.tolerance) + textbook_integral(mean_at, &mean, 0.1, 1, mean.tolerance);
         check_note("error over claimed", fabs(value.value[0] - exact) / value.error[0]);
-        CHECK(fabs(value.value[0] - exact) <= value.error[0] && value.error[0] <= tolerance * exact);
+        CHECK(fabs(value.value[0] - exact) <= value.error[0] + (is_full ? 0 : mean.tolerance));
+        CHECK(value.error[0] <= tolerance * exact);
     }
     /* Without masking and with alpha = 1 every direction has 1/2; turned axes change nothing. */
     facet_material m = {.roughness = {.alpha_x = 1, .alpha_y = 1, .rho = 1e-9}, .masking = FACET_NONE, .fresnel = terms[0]};
@@ -287,7 +289,7 @@ TEST(requests)
     CHECK_REL(answer_number(&a, "albedo", 0), 1 - log(2), 1e-9, 0);
     CHECK(answer_number(&a, "albedo", 1) == 0);
     CHECK(answer_bound(&a) <= 1e-9);
-    double average = json_number_value(json_object_get(a.json, "average"));
+    double average = answer_value(json_object_get(a.json, "average"));
     CHECK(average > 0.3 && average < 0.6);
     answer_clear(&a);
     a = ask_post("/v1/albedo", "{\"material\":{\"alpha\":0.2,\"fresnel\":{\"conductor\":{\"metal\":\"Au\"}}},"

@@ -102,7 +102,7 @@ static struct answer post(const char *query, const char *type, const void *body,
 
 static double number_of(const struct answer *answer, const char *first, const char *second)
 {
-    return json_number_value(json_object_get(json_object_get(answer->json, first), second));
+    return answer_value(json_object_get(json_object_get(answer->json, first), second));
 }
 
 TEST(utia_is_fitted)
@@ -116,7 +116,7 @@ TEST(utia_is_fitted)
     CHECK(fabs(number_of(&answer, "material", "rho")) < 1e-4);
     CHECK(number_of(&answer, "error", "rms_log") < 5e-3);
     check_note("rms_log", number_of(&answer, "error", "rms_log"));
-    check_note("ms", json_number_value(json_object_get(answer.json, "timing_ms")));
+    check_note("ms", answer_value(json_object_get(answer.json, "timing_ms")));
     answer_clear(&answer);
     free(bytes);
 }
