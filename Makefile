@@ -44,7 +44,7 @@ KFLAGS_own     := $(if $(filter release clang,$(VARIANT)),$(VFLAGS) $(KFLAGS) -f
 # Instrumented builds look for faults, not speed, and instrumented vectors take minutes to compile: asan
 # has its own of two tiers, whose sources are those of all; a kernel shares nothing and gets no bytes of a
 # client's, so tsan and fuzz have none.  The others are those of release.
-ifneq ($(filter asan tsan fuzz debug,$(VARIANT)),)
+ifneq ($(filter asan tsan fuzz,$(VARIANT)),)
 ISAS   := $(filter-out avx2 avx512,$(ISAS))
 endif
 OWN_asan := fast-float fast-double precise-double
@@ -186,7 +186,7 @@ $(REFERENCED): LDLIBS += -lquadmath
 
 # ---- the report on LEADR maps: tables and pictures in build/report ---------------------------
 REPORT_LEADR := $(B)/tests/report/report_leadr
-$(REPORT_LEADR): $(B)/tests/report/report_leadr.o $(B)/tests/report/relief.o $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
+$(REPORT_LEADR): $(addprefix $(B)/tests/report/,report_leadr.o relief.o filtered.o) $(SUPPORT_O) $(B)/libapi.a $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ $(LDLIBS)
 report-leadr: $(REPORT_LEADR) ## filtered slopes against brute force: tables and pictures in build/report (minutes)
 	@mkdir -p build/report

@@ -97,7 +97,7 @@ static void read_bytes(const struct answer *a, struct told *told)
         if (!strcmp(a->response.headers[i].name, "Facet-Answer")) answer = a->response.headers[i].value;
     }
     json_t *root = json_loads(answer, 0, NULL), *accuracy = json_object_get(root, "accuracy");
-    told->bound = json_number_value(json_object_get(accuracy, "bound"));
+    told->bound = answer_value(json_object_get(accuracy, "bound"));
     for (int t = 0; t < FACET_TIER_COUNT; t++) {
         const char *name = facet_tier_name((facet_tier)t), *tier = json_string_value(json_object_get(accuracy, "tier"));
         if (tier && !strcmp(tier, name)) told->tier = name;
@@ -182,7 +182,7 @@ TEST(no_error_exceeds_the_bound_answered)
             } while (fabs(length(wi[k]) - 1) > 1e-7 || fabs(length(wo[k]) - 1) > 1e-7);
             for (int j = 0; j < 3 && floats; j++) wi[k][j] = (float)wi[k][j], wo[k][j] = (float)wo[k][j];
         }
-            put_material(&t, &m);
+        put_material(&t, &m);
         struct answer a = ask_pairs(&t, wi, wo, rng_log(&rng, 1e-15, 1e-1), as_form);
         if (a.response.status == 200) {
             if (as_form)

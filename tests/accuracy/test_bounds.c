@@ -278,4 +278,5 @@ TEST(bounds_hold_for_computed_directions)
         facet_brdf_destroy(brdf);
     }
     check_note("checked", (double)checked);
+    CHECK(checked >= 20 * draw_count(1500));
 }

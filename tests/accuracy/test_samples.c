@@ -125,8 +125,8 @@ static struct miss miss_of(const struct batch *b, size_t k, const struct referen
 {
     struct miss m = {0, 0, x->pdf > DBL_MAX ? 0 : reference_error(b->pdf[k], x->pdf, FACET_FLOOR)};
     for (int j = 0; j < 3; j++) {
-        m.wi = fmax(m.wi, reference_error(b->wi[j][k], x->wi[j], 1));
-        m.h = fmax(m.h, reference_error(b->h[j][k], x->h[j], 1));
+        m.wi = check_worse(m.wi, reference_error(b->wi[j][k], x->wi[j], 1));
+        m.h = check_worse(m.h, reference_error(b->h[j][k], x->h[j], 1));
     }
     return m;
 }
@@ -211,8 +211,13 @@ static bool near_the_pole(const struct batch *b, size_t k, const double wo[3], c
     return fabs((double)x->pdf / b->pdf[k] - 1) * seen <= bound * (1 + seen);
 }
 
+/* How many were compared, and how many of them were taken although they missed the bound. */
+struct tally {
+    size_t checked, forgiven;
+};
+
 static void check_sample(const facet_material *m, facet_tier tier, const struct batch *b, size_t k,
-                         double bound)
+                         double bound, struct tally *tally)
 {
     const struct miss none = {0, 0, 0};
     const double wo[3] = {b->o[0][k], b->o[1][k], b->o[2][k]};
@@ -220,9 +225,11 @@ static void check_sample(const facet_material *m, facet_tier tier, const struct 
     if (beyond_caps(m, b->u2[k])) return;
     exact_sample(b->sampler, m, wo, b->u1[k], b->u2[k], &x);
     struct miss miss = miss_of(b, k, &x);
+    tally->checked++;
     bool plain = within(miss, none, bound), fair = plain;
     if (!plain) fair = within(miss, sample_moves(b->sampler, m, wo, b->u1[k], b->u2[k], &x, bound), bound);
     if (!fair) fair = near_the_pole(b, k, wo, &x, miss, bound);
+    tally->forgiven += fair && !plain;
     bool weights = weights_within(m, wo, b, k, &x, fmax(bound, fair ? miss.wi : 0), bound);
     char name[48];
     snprintf(name, sizeof name, "%s/%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann",
@@ -242,13 +249,12 @@ static void check_sample(const facet_material *m, facet_tier tier, const struct 
                (double)x.weight[0]);
 }
 
-/* Returns the number of samples checked. */
-static size_t walk(const struct draw_domain *domain, size_t materials, facet_tier tier,
-                   facet_sampler sampler, facet_ndf ndf, struct rng *rng)
+static struct tally walk(const struct draw_domain *domain, size_t materials, facet_tier tier,
+                         facet_sampler sampler, facet_ndf ndf, struct rng *rng)
 {
     static struct batch b;
     b.sampler = sampler;
-    size_t checked = 0;
+    struct tally tally = {0, 0};
     for (size_t k = 0; k < materials * MODELS; k++) {
         facet_material m = {
             .ndf = ndf, .masking = models[k % MODELS].masking, .shear = models[k % MODELS].shear};
@@ -261,10 +267,10 @@ static size_t walk(const struct draw_domain *domain, size_t materials, facet_tie
         draw_batch(rng, domain, &m, &b);
         run(brdf, tier, m.fresnel.channels, &b);
         if (facet_sample_bound(brdf, tier, sampler, 0, &bound) && bound < 0.5)
-            for (size_t j = 0; j < b.n; j++, checked++) check_sample(&m, tier, &b, j, bound);
+            for (size_t j = 0; j < b.n; j++) check_sample(&m, tier, &b, j, bound, &tally);
         facet_brdf_destroy(brdf);
     }
-    return checked;
+    return tally;
 }
 
 static void walk_all(const struct draw_domain *domain, facet_sampler sampler, size_t materials,
@@ -276,10 +282,12 @@ static void walk_all(const struct draw_domain *domain, facet_sampler sampler, si
         for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
             if (!facet_sampler_serves(sampler, (facet_ndf)ndf)) continue;
             size_t n = draw_count(ndf == FACET_GGX || sampler != FACET_SAMPLER_AUTO ? materials : materials / 6);
-            size_t checked = walk(domain, n, (facet_tier)tier, sampler, (facet_ndf)ndf, &rng);
+            struct tally tally = walk(domain, n, (facet_tier)tier, sampler, (facet_ndf)ndf, &rng);
+            check_note("crowded share", (double)tally.forgiven / (double)tally.checked);
             /* A scaled-down run of the named ones is too few to be sure of that. */
-            if (checked < 10 * n && (sampler == FACET_SAMPLER_AUTO || n >= 5))
-                check_fail(__FILE__, __LINE__, "tier %d ndf %d: %zu samples", tier, ndf, checked);
+            bool sure = sampler == FACET_SAMPLER_AUTO || n >= 5;
+            if (tally.checked < (sure ? 10 * n : 1) || (double)tally.forgiven > 0.05 * (double)tally.checked + 3)
+                check_fail(__FILE__, __LINE__, "tier %d ndf %d: %zu samples, %zu crowded", tier, ndf, tally.checked, tally.forgiven);
         }
 }
 
@@ -348,7 +356,7 @@ static bool check_pdf(const facet_material *m, facet_tier tier, facet_sampler sa
 enum { PAIRS = 37 };
 
 static void walk_pdfs(const struct draw_domain *domain, facet_tier tier, facet_sampler sampler, facet_ndf ndf,
-                      struct rng *rng)
+                      struct rng *rng, struct tally *tally)
 {
     facet_material m = {.ndf = ndf, .fresnel = {.channels = 1}};
     double i[3][PAIRS], o[3][PAIRS], pdf[PAIRS], bound;
@@ -365,23 +373,39 @@ static void walk_pdfs(const struct draw_domain *domain, facet_tier tier, facet_s
     facet_vec3_in wi = {i[0], i[1], i[2]}, wo = {o[0], o[1], o[2]};
     bool promised = facet_pdf_bound(brdf, tier, sampler, 0, &bound) && bound < 0.5;
     CHECK_INT(facet_pdf(brdf, tier, sampler, wi, wo, PAIRS, pdf), FACET_OK);
-    for (size_t k = 0; promised && k < PAIRS; k++)
-        check_pdf(&m, tier, sampler, (double[3]){i[0][k], i[1][k], i[2][k]},
-                  (double[3]){o[0][k], o[1][k], o[2][k]}, pdf[k], bound);
+    for (size_t k = 0; promised && k < PAIRS; k++, tally->checked++)
+        tally->forgiven += !check_pdf(&m, tier, sampler, (double[3]){i[0][k], i[1][k], i[2][k]},
+                                      (double[3]){o[0][k], o[1][k], o[2][k]}, pdf[k], bound);
     facet_brdf_destroy(brdf);
+}
+
+/* All tiers and distributions of one sampler. */
+static void densities_of(facet_sampler sampler, struct rng *rng)
+{
+    struct draw_domain sphere = draw_ordinary;
+    sphere.below = true;
+    for (int tier = 0; tier < FACET_TIER_COUNT; tier++) {
+        struct tally tally = {0, 0};
+        size_t rounds = draw_count(400), kinds = 0;
+        for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
+            if (!facet_sampler_serves(sampler, (facet_ndf)ndf)) continue;
+            kinds++;
+            for (size_t k = 0; k < rounds; k++)
+                walk_pdfs(k & 1 ? &sphere : &draw_everywhere, (facet_tier)tier, sampler, (facet_ndf)ndf, rng, &tally);
+        }
+        char name[48];
+        snprintf(name, sizeof name, "%s/%s: forgiven", facet_sampler_name(sampler), facet_tier_name((facet_tier)tier));
+        check_note(name, (double)tally.forgiven / (double)tally.checked);
+        if (!(tally.checked >= rounds * kinds * PAIRS / 2 && tally.forgiven <= 2e-3 * (double)tally.checked))
+            check_fail(__FILE__, __LINE__, "%s %s: %zu checked, %zu forgiven", facet_sampler_name(sampler),
+                       facet_tier_name((facet_tier)tier), tally.checked, tally.forgiven);
+    }
 }
 
 TEST(densities_by_name)
 {
     struct rng rng;
     rng_seed(&rng, 55);
-    struct draw_domain sphere = draw_ordinary;
-    sphere.below = true;
-    for (size_t k = draw_count(400); k--;)
-        for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
-            for (int s = FACET_SAMPLER_BOUNDED; s < FACET_SAMPLER_COUNT; s++)
-                for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
-                    if (s != FACET_SAMPLER_SLOPE && s != FACET_SAMPLER_TABLE && facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf))
-                        walk_pdfs(k & 1 ? &sphere : &draw_everywhere, (facet_tier)tier, (facet_sampler)s, (facet_ndf)ndf,
-                                  &rng);
+    for (int s = FACET_SAMPLER_BOUNDED; s < FACET_SAMPLER_COUNT; s++)
+        if (s != FACET_SAMPLER_SLOPE && s != FACET_SAMPLER_TABLE) densities_of((facet_sampler)s, &rng);
 }

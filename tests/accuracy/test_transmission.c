@@ -62,9 +62,11 @@ static void draw_across(struct rng *rng, const facet_material *m, double wi[3], 
     for (int j = 0; j < 3 && below; j++) wi[j] = -wi[j], wo[j] = -wo[j];
 }
 
-static void check_pair(const facet_bsdf *bsdf, const facet_material *m, const double wi[3], const double wo[3])
+/* Returns how many quantities it compared. */
+static size_t check_pair(const facet_bsdf *bsdf, const facet_material *m, const double wi[3], const double wo[3])
 {
     double y[FACET_QUANTITY_COUNT], bound;
+    size_t checked = 0;
     struct reference_bsdf x;
     facet_outputs outputs = {0};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = &y[q];
@@ -76,42 +78,49 @@ static void check_pair(const facet_bsdf *bsdf, const facet_material *m, const do
         if (wi[2] * wo[2] >= 0 && q != FACET_PDF) continue; /* test_bounds has reflection */
         if (!facet_bsdf_bound(bsdf, (facet_quantity)q, 0, &bound) || x.of[q] > DBL_MAX) continue;
         double error = reference_error(y[q], x.of[q], FACET_FLOOR);
+        checked++;
         check_note(names[q], error / bound);
         if (!(error <= bound))
             check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, bound %.3g; eta %.17g\n    %s\n    wi "
                        "{%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}", names[q], y[q], (double)x.of[q], error, bound,
                        m->fresnel.eta[0], draw_text(m), wi[0], wi[1], wi[2], wo[0], wo[1], wo[2]);
     }
+    return checked;
 }
 
 TEST(quantities_across_the_surface)
 {
     struct rng rng;
+    size_t checked = 0, n = draw_count(6000);
     rng_seed(&rng, 9);
-    for (size_t k = 0, n = draw_count(6000); k < n; k++) {
+    for (size_t k = 0; k < n; k++) {
         facet_material m = draw_glass(&rng);
-        facet_bsdf *bsdf;
+        facet_bsdf *bsdf = NULL;
         facet_status status = facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf);
         CHECK_INT(status, FACET_OK);
         for (int j = 0; j < 4 && !status; j++) {
             double wi[3], wo[3];
             draw_across(&rng, &m, wi, wo);
-            check_pair(bsdf, &m, wi, wo);
+            checked += check_pair(bsdf, &m, wi, wo);
         }
         facet_bsdf_destroy(bsdf);
     }
+    check_note("of each material", (double)checked / (double)n);
+    CHECK(checked >= 10 * n);
 }
 
 TEST(samples_where_they_belong)
 {
     struct rng rng;
+    size_t checked = 0, n = draw_count(1500);
     rng_seed(&rng, 12);
-    for (size_t k = 0, n = draw_count(1500); k < n; k++) {
+    for (size_t k = 0; k < n; k++) {
         facet_material m = draw_glass(&rng);
-        facet_bsdf *bsdf;
+        facet_bsdf *bsdf = NULL;
         double wo[3], wi[3], bound, u[3];
         quad exact[3];
         CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_OK);
+        if (!bsdf) continue;
         draw_direction(&rng, 1e-3, wo);
         for (int j = 0; j < 3; j++) u[j] = 1e-3 + 0.998 * rng_uniform(&rng);
         double turn = rng_uniform(&rng) < 0.5 ? -1 : 1;
@@ -121,7 +130,7 @@ TEST(samples_where_they_belong)
         bool promised = facet_bsdf_sample_bound(bsdf, FACET_SAMPLER_AUTO, (turn > 0) == (m.fresnel.eta[0] < 1), 0, &bound);
         CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples), FACET_OK);
         if (promised && reference_bsdf_sample(&m, wo, u, exact))
-            for (int j = 0; j < 3; j++) {
+            for (int j = 0; j < 3; j++, checked++) {
                 double error = fabs((double)(wi[j] - exact[j]));
                 check_note("error over bound", error / bound);
                 if (!(error <= bound))
@@ -130,21 +139,27 @@ TEST(samples_where_they_belong)
             }
         facet_bsdf_destroy(bsdf);
     }
+    check_note("of all", (double)checked / (double)(3 * n));
+    CHECK(2 * checked >= 3 * n);
 }
 
 TEST(masking_across_the_surface)
 {
     struct rng rng;
+    size_t checked = 0, n = draw_count(3000);
     rng_seed(&rng, 10);
-    for (size_t k = 0, n = draw_count(3000); k < n; k++) {
+    for (size_t k = 0; k < n; k++) {
         double a = pow(10, -18 + 32 * rng_uniform(&rng)), b = pow(10, -18 + 22 * rng_uniform(&rng));
         quad x = reference_opposite(a, b);
         double bound = OPPOSITE_ERROR(-log(fmax((double)x, 1e-300)));
         if (x < 1e-280Q) continue;
+        checked++;
         check_note("error over bound", reference_error(facet_opposite(a, b), x, 0) / bound);
         CHECK(reference_error(facet_opposite(a, b), x, 0) <= bound);
         CHECK(facet_opposite(a, b) == facet_opposite(b, a));
     }
+    check_note("of all", (double)checked / (double)n);
+    CHECK(2 * checked >= n);
     CHECK(facet_opposite(0, 1e300) == 1 && facet_opposite(INFINITY, 0) == 1);
     CHECK(facet_opposite(INFINITY, 1e-3) == 0 && facet_opposite(1e300, 1e300) == 0);
 }

@@ -1,7 +1,7 @@
 #include "body.h"
 
-#include "merl.h"
 #include "image.h"
+#include "merl.h"
 
 #include <stdbool.h>
 #include <stdio.h>

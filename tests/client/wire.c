@@ -243,7 +243,7 @@ static double megabytes_at_most(const struct daemon *daemon)
     return kb / 1024;
 }
 
-/* From the log of requests: microseconds between the first byte of a request and its work. */
+/* From the log of requests: the fewest milliseconds between the first byte of a request and its work. */
 static double best_start_ms(const char *log)
 {
     char line[2048];

@@ -143,6 +143,11 @@ TEST(samples_stay_finite)
         do sampler = (facet_sampler)(int)(rng_uniform(&rng) * FACET_SAMPLER_COUNT);
         while (!facet_sampler_serves(sampler, m.ndf));
         if (!facet_sample_bound(brdf, tier, sampler, 0, &bound)) bound = 1;
+        /*
+         * The densities of other than visible normals may be next to 0 where fr is not.  So may Beckmann's
+         * of the thesis's shear, drawn by name; by auto these do not, one in 10^6 does (1.7e308).
+         */
+        bool is_bounded = sampler < FACET_SAMPLER_NDF && (m.shear != FACET_THESIS || sampler == FACET_SAMPLER_AUTO || m.ndf == FACET_GGX);
         facet_samples s = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
         CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
                   FACET_OK);
@@ -155,7 +160,7 @@ TEST(samples_stay_finite)
             bool sane = fabs(size - osize) < 1e-12 + 4 * bound &&
                         fabs(hsize - 1) < 1e-12 + 4 * bound &&
                         (sampler == FACET_SAMPLER_COSINE || h[2][k] >= 0) && weight[k] >= 0 &&
-                        (weight[k] < 1e300 || sampler >= FACET_SAMPLER_NDF || m.shear == FACET_THESIS) && weight[k] <= DBL_MAX && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
+                        weight[k] <= (is_bounded ? 1e300 : DBL_MAX) && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
             if (sane) continue;
             check_fail(
                 __FILE__, __LINE__,

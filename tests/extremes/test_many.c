@@ -143,7 +143,7 @@ static bool sees(const facet_material *m, double x, double y, double z)
     return z > 1e-6 && z - x * r->slope_x - y * r->slope_y > 1e-6;
 }
 
-/* Of the samplers by name only that they stay finite; auto, of visible normals, owes more. */
+/* Of samplers that draw other than visible normals only that they stay finite; those owe more. */
 static size_t draw_samples(struct rng *rng, const facet_brdf *brdf, const facet_material *m, facet_tier tier, const struct pairs *p)
 {
     facet_sampler sampler = pick(rng, 2) ? FACET_SAMPLER_AUTO : (facet_sampler)pick(rng, FACET_SAMPLER_COUNT);
@@ -153,7 +153,7 @@ static size_t draw_samples(struct rng *rng, const facet_brdf *brdf, const facet_
     for (size_t k = 0; k < PAIRS; k++) any_uniform(rng, &u[0][k]), any_uniform(rng, &u[1][k]);
     facet_samples s = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight}, .pdf = pdf};
     double bound = 0;
-    bool promised = sampler == FACET_SAMPLER_AUTO && facet_sample_bound(brdf, tier, sampler, 0, &bound) && bound < 0.1;
+    bool promised = sampler < FACET_SAMPLER_NDF && facet_sample_bound(brdf, tier, sampler, 0, &bound) && bound < 0.1;
     if (facet_sample(brdf, tier, sampler, (facet_vec3_in){p->d[3], p->d[4], p->d[5]}, u[0], u[1], PAIRS, &s) != FACET_OK) return 0;
     bool energy = m->shear == FACET_ENERGY_SAFE && m->masking == FACET_SMITH && m->fresnel.kind != FACET_FRESNEL_TABLE;
     for (size_t k = 0; k < PAIRS; k++) {

@@ -19,7 +19,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct arena arena;
     struct problem problem = {0};
     struct document document = {0};
-    struct holder holder;
+    struct holder holder = {0};
     struct measurement m;
     static bool is_open;
     if (!is_open) is_open = api_open();

@@ -30,6 +30,15 @@ static facet_material safe_material(struct rng *rng)
     return m;
 }
 
+static void draw_pairs(struct rng *rng, const facet_material *m, struct pairs *p)
+{
+    for (size_t k = 0; k < N; k++) {
+        double wi[3], wo[3];
+        draw_pair(rng, &draw_everywhere, m, wi, wo);
+        for (int j = 0; j < 3; j++) p->i[j][k] = wi[j], p->o[j][k] = wo[j];
+    }
+}
+
 static void eval(const facet_brdf *brdf, facet_tier tier, const facet_material *m, struct pairs *p,
                  const double wi[3][N])
 {
@@ -69,14 +78,7 @@ TEST(fr_cos_never_exceeds_fresnel_times_pdf)
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;
-        for (size_t k = 0; k < N; k++) {
-            double wi[3], wo[3];
-            draw_pair(&rng, &draw_everywhere, &m, wi, wo);
-            for (int j = 0; j < 3; j++) {
-                p.i[j][k] = wi[j];
-                p.o[j][k] = wo[j];
-            }
-        }
+        draw_pairs(&rng, &m, &p);
         eval(brdf, tier, &m, &p, p.i);
         double loose = slack(brdf, tier);
         facet_brdf_destroy(brdf);
@@ -178,11 +180,7 @@ TEST(bounded_caps_are_never_thinner_than_caps)
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;
-        for (size_t k = 0; k < N; k++) {
-            double wi[3], wo[3];
-            draw_pair(&rng, &draw_everywhere, &m, wi, wo);
-            for (int j = 0; j < 3; j++) p.i[j][k] = wi[j], p.o[j][k] = wo[j];
-        }
+        draw_pairs(&rng, &m, &p);
         CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_CAPS, in(p.i), in(p.o), N, caps), FACET_OK);
         CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_BOUNDED, in(p.i), in(p.o), N, bounded), FACET_OK);
         double bound = 0;

@@ -9,7 +9,7 @@
  */
 #include "api.h"
 #include "check.h"
-#include "facet_leadr.h"
+#include "filtered.h"
 #include "measured.h"
 #include "merl.h"
 #include "png_write.h"
@@ -21,7 +21,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDE = 512, POINTS = 48, PATCHES = 24, VIEWS = 40 };
+enum { SIDE = 512, POINTS = 48, PATCHES = 24, VIEWS = FILTERED_MAX };
 
 /* ---- Directions ---------------------------------------------------------------------------- */
 
@@ -54,54 +54,9 @@ static void make_views(void)
     }
 }
 
-/* ---- Filtered
- * ------------------------------------------------------------------------------------- */
+/* ---- Tables ------------------------------------------------------------------------------------ */
 
-enum way { WAY_CENTRAL, WAY_FORWARD, WAY_BILINEAR, WAY_CLEAN, WAY_NORMAL, WAY_COUNT };
 static const char *const way_names[] = {"central", "forward", "bilinear", "CLEAN", "mean normal"};
-
-/* The levels of a relief, by way; CLEAN by the bilinear stencil. */
-static facet_leadr *pyramid(const struct relief *r, enum way way)
-{
-    const facet_height_map map = {r->z, r->side, r->side};
-    facet_leadr_options o = {.scale = 1, .texel = 1, .form = FACET_CENTRED};
-    o.stencil = way < WAY_CLEAN ? (facet_stencil)way : FACET_BILINEAR;
-    o.model = way == WAY_CLEAN ? FACET_CLEAN : FACET_LEADR;
-    facet_leadr *leadr = NULL;
-    return facet_leadr_create(&map, &o, NULL, NULL, &leadr) == FACET_OK ? leadr : NULL;
-}
-
-static facet_moments texel(const facet_leadr *leadr, enum way way, size_t level, size_t p, size_t q)
-{
-    const facet_leadr_level *l = facet_leadr_level_at(leadr, level);
-    float v[FACET_PLANES_MAX] = {0};
-    for (size_t k = 0; k < FACET_PLANES_MAX && l->plane[k]; k++)
-        v[k] = l->plane[k][q * l->width + p];
-    if (way == WAY_NORMAL) v[2] = v[3] = v[4] = 0;
-    return facet_moments_of_texel(v, FACET_CENTRED, way == WAY_CLEAN ? FACET_CLEAN : FACET_LEADR);
-}
-
-/* f_r cos(theta_i) of slopes with these moments above a rough base. */
-static void shade(const facet_moments *m, double base_alpha, const double (*wi)[3],
-                  const double (*wo)[3], size_t n, double *out)
-{
-    const facet_roughness below = {base_alpha, base_alpha, 0, 0, 0};
-    const facet_moments base = facet_moments_from_roughness(&below),
-                        sum = facet_moments_add(m, &base);
-    facet_material material = {.ndf = FACET_BECKMANN, .fresnel = {.channels = 1}};
-    facet_brdf *brdf = NULL;
-    double k[6][VIEWS];
-    for (size_t v = 0; v < n; v++)
-        for (int c = 0; c < 3; c++) k[c][v] = wi[v][c], k[3 + c][v] = wo[v][c];
-    const facet_vec3_in i = {k[0], k[1], k[2]}, o = {k[3], k[4], k[5]};
-    facet_outputs outputs = {{{NULL}}};
-    outputs.of[FACET_FR_COS][0] = out;
-    memset(out, 0, n * sizeof *out);
-    if (facet_moments_to_roughness(&sum, FACET_ALPHA_MIN, &material.roughness, NULL) == FACET_OK &&
-        facet_brdf_create(&material, &brdf) == FACET_OK)
-        facet_eval(brdf, FACET_PRECISE, i, o, n, &outputs);
-    facet_brdf_destroy(brdf);
-}
 
 static void shade_views(const facet_moments *m, double base_alpha, double out[VIEWS])
 {
@@ -110,11 +65,8 @@ static void shade_views(const facet_moments *m, double base_alpha, double out[VI
         memcpy(wi[v], directions[views[v].i], sizeof wi[v]);
         memcpy(wo[v], directions[views[v].o], sizeof wo[v]);
     }
-    shade(m, base_alpha, (const double(*)[3])wi, (const double(*)[3])wo, view_count, out);
+    filtered_shade(m, base_alpha, (const double(*)[3])wi, (const double(*)[3])wo, view_count, out);
 }
-
-/* ---- Tables ------------------------------------------------------------------------------------
- */
 
 struct error {
     double square, truth_square, sum, truth_sum;
@@ -149,7 +101,7 @@ static void compare(FILE *out, const char *name, const struct relief *r, double 
 {
     const struct base base = {base_beckmann, &alpha};
     facet_leadr *levels[WAY_COUNT];
-    for (int w = 0; w < WAY_COUNT; w++) levels[w] = pyramid(r, (enum way)w);
+    for (int w = 0; w < WAY_COUNT; w++) levels[w] = filtered_pyramid(r, (enum way)w);
     for (size_t level = 2; level <= 9; level += level == 4 ? 2 : level == 6 ? 3 : 1) {
         struct error errors[WAY_COUNT] = {{0, 0, 0, 0}};
         const size_t count = level == 9 ? 1 : PATCHES;
@@ -162,7 +114,7 @@ static void compare(FILE *out, const char *name, const struct relief *r, double 
                             level == 9 ? 6 * POINTS : POINTS, (const double(*)[3])directions,
                             direction_count, views, view_count, truth);
             for (int w = 0; w < WAY_COUNT; w++) {
-                const facet_moments m = texel(levels[w], (enum way)w, level, p, q);
+                const facet_moments m = filtered_texel(levels[w], (enum way)w, level, p, q);
                 shade_views(&m, alpha, got);
                 add_error(&errors[w], got, truth, view_count);
                 add_error(&totals[w], got, truth, view_count);
@@ -244,7 +196,7 @@ static void compare_measured(FILE *out, const char *name, const struct relief *r
     const json_t *fitted = json_object_get(fit, "material");
     struct merl merl = {file};
     const struct base base = {base_merl, &merl};
-    facet_leadr *levels = fit ? pyramid(r, WAY_BILINEAR) : NULL;
+    facet_leadr *levels = fit ? filtered_pyramid(r, WAY_BILINEAR) : NULL;
     for (size_t level = 2; levels && level <= 6; level += 2) {
         struct error filtered = {0, 0, 0, 0}, flat = {0, 0, 0, 0}, alone = {0, 0, 0, 0};
         for (size_t i = 0; i < PATCHES / 2; i++) {
@@ -255,7 +207,7 @@ static void compare_measured(FILE *out, const char *name, const struct relief *r
             relief_radiance(r, &base, (double)p * side, (double)q * side, side, POINTS / 2,
                             (const double(*)[3])directions, direction_count, views, view_count,
                             truth);
-            const facet_moments m = texel(levels, WAY_BILINEAR, level, p, q),
+            const facet_moments m = filtered_texel(levels, WAY_BILINEAR, level, p, q),
                                 none = {0, 0, 0, 0, 0};
             if (eval_with_base(fitted, &m, got)) add_error(&filtered, got, truth, view_count);
             if (eval_with_base(fitted, &none, got)) add_error(&flat, got, truth, view_count);
@@ -296,7 +248,7 @@ static void look(const struct relief *r, double alpha, size_t level,
     const struct view view = {0, 1};
     const double size = (double)((size_t)1 << level);
     const size_t n = SIDE >> level;
-    facet_leadr *leadr = pyramid(r, WAY_BILINEAR), *clean = pyramid(r, WAY_CLEAN);
+    facet_leadr *leadr = filtered_pyramid(r, WAY_BILINEAR), *clean = filtered_pyramid(r, WAY_CLEAN);
     for (int i = 0; i < PIXELS * PIXELS; i++) {
         const int x = i % PIXELS, y = i / PIXELS;
         const double at[2] = {2.0 * x / PIXELS - 1, 2.0 * y / PIXELS - 1};
@@ -315,8 +267,8 @@ static void look(const struct relief *r, double alpha, size_t level,
         panel[0][y][x] = truth;
         for (int w = 0; w < 3; w++) {
             const enum way way = w == 0 ? WAY_BILINEAR : w == 1 ? WAY_CLEAN : WAY_NORMAL;
-            const facet_moments m = texel(way == WAY_CLEAN ? clean : leadr, way, level, p, q);
-            shade(&m, alpha, (const double(*)[3])k[0], (const double(*)[3])k[1], 1, &got);
+            const facet_moments m = filtered_texel(way == WAY_CLEAN ? clean : leadr, way, level, p, q);
+            filtered_shade(&m, alpha, (const double(*)[3])k[0], (const double(*)[3])k[1], 1, &got);
             panel[1 + w][y][x] = got;
             if (w == 0) panel[4][y][x] = 4 * fabs(got - truth);
         }
@@ -392,7 +344,7 @@ static void lobes(const char *folder, const struct relief *r, double alpha)
     const struct base base = {base_beckmann, &alpha};
     facet_leadr *levels[WAY_COUNT];
     if (!file) return;
-    for (int w = 0; w < WAY_COUNT; w++) levels[w] = pyramid(r, (enum way)w);
+    for (int w = 0; w < WAY_COUNT; w++) levels[w] = filtered_pyramid(r, (enum way)w);
     fprintf(file, "# theta_i brute");
     for (int w = 0; w < WAY_COUNT; w++) fprintf(file, " \"%s\"", way_names[w]);
     for (int degree = -80; degree <= 80; degree += 4) {
@@ -403,8 +355,8 @@ static void lobes(const char *folder, const struct relief *r, double alpha)
         relief_radiance(r, &base, 0, 0, SIDE, 200, (const double(*)[3])k, 2, &view, 1, &truth);
         fprintf(file, "\n%d %g", degree, truth);
         for (int w = 0; w < WAY_COUNT; w++) {
-            const facet_moments m = texel(levels[w], (enum way)w, 9, 0, 0);
-            shade(&m, alpha, &k[0], &k[1], 1, &got);
+            const facet_moments m = filtered_texel(levels[w], (enum way)w, 9, 0, 0);
+            filtered_shade(&m, alpha, &k[0], &k[1], 1, &got);
             fprintf(file, " %g", got);
         }
     }

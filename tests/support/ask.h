@@ -5,6 +5,7 @@
 #include "api.h"
 
 #include <jansson.h>
+#include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -58,22 +59,28 @@ static inline size_t answer_count(const struct answer *answer, const char *name)
     return json_array_size(json_object_get(answer->json, name));
 }
 
+/* NaN, which fails every comparison, where there is no number. */
+static inline double answer_value(const json_t *number)
+{
+    return json_is_number(number) ? json_number_value(number) : NAN;
+}
+
 static inline double answer_number(const struct answer *answer, const char *name, size_t index)
 {
-    return json_number_value(json_array_get(json_object_get(answer->json, name), index));
+    return answer_value(json_array_get(json_object_get(answer->json, name), index));
 }
 
 /* Component k of the index-th vector or colour. */
 static inline double answer_component(const struct answer *answer, const char *name, size_t index,
                                       size_t k)
 {
-    return json_number_value(
+    return answer_value(
         json_array_get(json_array_get(json_object_get(answer->json, name), index), k));
 }
 
 static inline double answer_bound(const struct answer *answer)
 {
-    return json_number_value(json_object_get(json_object_get(answer->json, "accuracy"), "bound"));
+    return answer_value(json_object_get(json_object_get(answer->json, "accuracy"), "bound"));
 }
 
 #endif

@@ -57,6 +57,8 @@ void check_note(const char *name, double value);
             check_fail(__FILE__, __LINE__, "%s is \"%s\", not \"%s\"", #actual, a_ ? a_ : "(null)", e_ ? e_ : "(null)"); \
     } while (0)
 
+/* The larger of two errors; NaN if one of them is, which fmax would forget. */
+double check_worse(double a, double b);
 bool check_within(double actual, double expected, double bound, double floor);
 bool check_same_text(const char *a, const char *b);
 

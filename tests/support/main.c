@@ -53,7 +53,12 @@ void check_note(const char *name, double value)
         snprintf(notes[note_count++].name, sizeof notes[0].name, "%s", name);
         notes[i].value = value;
     }
-    if (!(notes[i].value >= value)) notes[i].value = value;
+    notes[i].value = check_worse(notes[i].value, value);
+}
+
+double check_worse(double a, double b)
+{
+    return b > a || isnan(b) ? b : a;
 }
 
 bool check_within(double actual, double expected, double bound, double floor_)

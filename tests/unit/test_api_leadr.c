@@ -1,6 +1,7 @@
 /* POST /v1/leadr through the one door: real maps with known slopes, options, refusals, bad files.
  */
 #include "api.h"
+#include "ask.h"
 #include "check.h"
 #include "exr.h"
 #include "exr_file.h"
@@ -59,7 +60,7 @@ static json_t *post_json(const char *path, const char *query, const void *body, 
 
 static double number_at(const json_t *json, const char *list, size_t index)
 {
-    return json_number_value(json_array_get(json_object_get(json, list), index));
+    return answer_value(json_array_get(json_object_get(json, list), index));
 }
 
 /* E1..E5 of the coarsest level, as stored. */
@@ -71,7 +72,7 @@ static void coarsest(const json_t *json, double e[5])
     CHECK_INT(json_integer_value(json_object_get(last, "height")), 1);
     const json_t *texel = json_array_get(json_object_get(last, "moments"), 0);
     CHECK_INT(json_array_size(texel), 5);
-    for (size_t k = 0; k < 5; k++) e[k] = json_number_value(json_array_get(texel, k));
+    for (size_t k = 0; k < 5; k++) e[k] = answer_value(json_array_get(texel, k));
 }
 
 struct surface {
@@ -187,7 +188,7 @@ TEST(stencils_are_compared)
         CHECK_INT(json_array_size(stencils), FACET_STENCIL_COUNT);
         for (size_t k = 0; k < FACET_STENCIL_COUNT; k++) {
             const double ratio =
-                json_number_value(json_object_get(json_array_get(stencils, k), "ratio"));
+                answer_value(json_object_get(json_array_get(stencils, k), "ratio"));
             if (k == FACET_CENTRAL) CHECK(fabs(ratio - kept[i]) < 0.01);
             if (k == FACET_FORWARD) CHECK(ratio == 1);
             if (k == FACET_BILINEAR) CHECK(ratio > kept[i] && ratio < 1);
@@ -208,7 +209,7 @@ TEST(flat_map_is_zero)
         CHECK_INT(json_array_size(moments), l ? 1 : 9);
         for (size_t i = 0; i < json_array_size(moments); i++)
             for (size_t k = 0; k < 5; k++)
-                CHECK(json_number_value(json_array_get(json_array_get(moments, i), k)) == 0);
+                CHECK(answer_value(json_array_get(json_array_get(moments, i), k)) == 0);
     }
     CHECK(json_is_true(json_object_get(json, "floored")));
     json_decref(json);
@@ -241,9 +242,9 @@ TEST(plane_on_an_offset)
     const double want[] = {-0.5, -0.25, 0.25 + 0.125, 0.0625 + 0.125, 0.125};
     for (size_t k = 0; k < 5; k++) CHECK(number_at(json, "moments", k) == want[k]);
     const json_t *material = json_object_get(json, "material");
-    CHECK(json_number_value(json_object_get(material, "alpha_x")) == 0.5);
-    CHECK(json_number_value(json_object_get(material, "alpha_y")) == 0.5);
-    CHECK(json_number_value(json_object_get(material, "rho")) == 0);
+    CHECK(answer_value(json_object_get(material, "alpha_x")) == 0.5);
+    CHECK(answer_value(json_object_get(material, "alpha_y")) == 0.5);
+    CHECK(answer_value(json_object_get(material, "rho")) == 0);
     json_decref(json);
 }
 
@@ -403,7 +404,7 @@ TEST(real_height_maps_convert)
         CHECK(r.body && api_exr_is(r.body, r.body_size));
         api_response_clear(&r);
         json_t *json = post_json("/v1/leadr", "scale=0.05", bytes, size, 200);
-        CHECK(json_number_value(json_object_get(json_object_get(json, "material"), "alpha_x")) > 0);
+        CHECK(answer_value(json_object_get(json_object_get(json, "material"), "alpha_x")) > 0);
         json_decref(json);
         free(bytes);
     }

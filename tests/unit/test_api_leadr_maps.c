@@ -207,7 +207,7 @@ TEST(raw_half_is_refused_where_it_loses_variance)
         answer_clear(&a);
         a = post_json(kept[i], exr, size);
         const json_t *error = json_object_get(a.json, "variance_error");
-        const double level = json_number_value(json_object_get(error, "level"));
+        const double level = answer_value(json_object_get(error, "level"));
         CHECK(i == 1 ? level > 0.01 : level < 0.01);
         if (i == 1 || i == 2) CHECK((answer_text(&a, "warning") != NULL) == (i == 1));
         answer_clear(&a);
@@ -302,14 +302,14 @@ TEST(one_texel_is_the_stored_one)
         const json_t *want = json_array_get(json_object_get(level, "moments"), (size_t)column);
         double e[5], v[5];
         for (size_t k = 0; k < 5; k++) {
-            e[k] = json_number_value(json_array_get(json_object_get(probe, "moments"), k));
-            v[k] = json_number_value(json_array_get(want, k));
+            e[k] = answer_value(json_array_get(json_object_get(probe, "moments"), k));
+            v[k] = answer_value(json_array_get(want, k));
         }
         CHECK(e[0] == v[0] && e[1] == v[1]);
         CHECK_REL(e[2] - e[0] * e[0], v[2], 1e-12, 1e-3);
         CHECK_REL(e[4] - e[0] * e[1], v[4], 1e-12, 1e-3);
         const json_t *material = json_object_get(probe, "material");
-        CHECK_REL(json_number_value(json_object_get(material, "alpha_x")), sqrt(2 * v[2]), 1e-9, 0);
+        CHECK_REL(answer_value(json_object_get(material, "alpha_x")), sqrt(2 * v[2]), 1e-9, 0);
         answer_clear(&a);
     }
     answer_clear(&all);

@@ -6,7 +6,7 @@
 
 static double number(const struct answer *a, const char *object, const char *member)
 {
-    return json_number_value(json_object_get(json_object_get(a->json, object), member));
+    return answer_value(json_object_get(json_object_get(a->json, object), member));
 }
 
 TEST(moments_come_back_in_every_form)

@@ -263,7 +263,7 @@ TEST(real_maps_of_16_bits)
             CHECK_STR(image.type, "16-bit");
             double worst = 0;
             for (size_t p = 0; image.values && p < width * height; p++)
-                worst = fmax(worst, fabs(maps[i].low +
+                worst = check_worse(worst, fabs(maps[i].low +
                                          image.values[p] * (maps[i].high - maps[i].low) - z[p]));
             check_note("worst error in steps", worst * 65535 / (maps[i].high - maps[i].low));
             /* Half a step, and the five or six digits the ends are given with. */

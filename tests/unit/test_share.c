@@ -32,9 +32,12 @@ static void *run_task(void *task_)
 /* A thread each, the last first. */
 static void share(void *crew, size_t count, void (*run)(void *arg, size_t index), void *arg)
 {
-    pthread_t threads[64];
-    struct task tasks[64];
+    enum { MOST = 64 };
+    pthread_t threads[MOST];
+    struct task tasks[MOST];
     (void)crew;
+    CHECK(count <= MOST);
+    if (count > MOST) return;
     for (size_t i = count; i-- > 0;) {
         tasks[i] = (struct task){run, arg, i};
         CHECK_INT(pthread_create(&threads[i], NULL, run_task, &tasks[i]), 0);

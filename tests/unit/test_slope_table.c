@@ -80,12 +80,12 @@ TEST(closed_forms)
                 double p = slope_density(ndf, alpha, r), s = 1 + r * r;
                 if (p * PI * alpha * alpha < 1e-4) break;
                 double d = exp(facet_slope_table_log_d(table, r));
-                worst_d = fmax(worst_d, fabs(d / (p * s * s) - 1));
+                worst_d = check_worse(worst_d, fabs(d / (p * s * s) - 1));
             }
             for (double v = 0; v < 1000 * alpha; v = v * 1.01 + 1e-4 * alpha) {
                 double exact = psi(ndf, alpha, v), error = fabs(table_psi(table, v) - exact);
-                worst_sigma = fmax(worst_sigma, error / (v + exact));
-                if (exact > 1e-6 * alpha) worst_psi = fmax(worst_psi, error / exact);
+                worst_sigma = check_worse(worst_sigma, error / (v + exact));
+                if (exact > 1e-6 * alpha) worst_psi = check_worse(worst_psi, error / exact);
             }
             CHECK(worst_d < 1e-6);
             CHECK(worst_sigma < 1e-8);

@@ -37,7 +37,7 @@ static void unit(const double from[3], double v[3])
 }
 
 /* Integrals over the sphere of wi, cell by cell: fr cos above and below, and pdf. */
-enum { TILES = 16, SIDE = TILES * GAUSS_NODES, SHARES = 8, CELLS = 2 * SHARES * SHARES };
+enum { TILES = 24, SIDE = TILES * GAUSS_NODES, SHARES = 8, CELLS = 2 * SHARES * SHARES };
 struct sums {
     double above, below, pdf, cell[CELLS];
 };
@@ -176,9 +176,15 @@ static facet_material glass_of(int s, int k, int v, double wo[3])
                  (k + v) % 2 ? FACET_SMITH : FACET_SMITH_UNCORRELATED);
 }
 
+/* A short run (FACET_TEST_SCALE) has fewer cases, held to the same limits. */
+static bool is_whole(void)
+{
+    return draw_count(100) >= 100;
+}
+
 static facet_bsdf *open_bsdf(const facet_material *m, facet_transport transport)
 {
-    facet_bsdf *bsdf;
+    facet_bsdf *bsdf = NULL;
     CHECK_INT(facet_bsdf_create(m, transport, &bsdf), FACET_OK);
     return bsdf;
 }
@@ -255,9 +261,9 @@ static double lost_of(const facet_material *m, const double wo[3])
 /* The service's own quadrature, and that of the textbook's losses. */
 TEST(albedo_of_both_sides)
 {
-    static const int chosen[][2] = {{0, 1}, {0, 2}, {2, 2}};
+    static const int chosen[][2] = {{0, 1}, {0, 2}, {1, 0}, {2, 2}, {2, 3}};
     const facet_albedo_options options = {.tolerance = 1e-7, .evaluations_max = 1 << 22};
-    for (size_t k = 0; k < sizeof chosen / sizeof *chosen; k++) {
+    for (size_t k = 0; k < (is_whole() ? sizeof chosen / sizeof *chosen : 2); k++) {
         double wo[3];
         facet_albedo_value reflected, transmitted;
         facet_material m = glass_of(chosen[k][0], (chosen[k][0] + chosen[k][1]) % INDICES, chosen[k][1], wo);
@@ -272,8 +278,11 @@ TEST(albedo_of_both_sides)
     }
 }
 
-/* Where no edge (the horizon, the critical angle) crosses the sphere a fixed rule is enough; to 3e-5 in the last. */
-static const int smooth[][3] = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {2, 0, 0}, {1, 1, 2}};
+/* Where no edge (the horizon, the critical angle) crosses the sphere a fixed rule is enough; nearly so in the last. */
+static const struct {
+    int surface, index, view;
+    double limit;
+} smooth[] = {{0, 0, 0, 1e-6}, {0, 0, 1, 1e-6}, {1, 0, 0, 1e-6}, {2, 0, 0, 1e-6}, {0, 2, 1, 1e-6}, {1, 1, 2, 1e-5}};
 enum { SMOOTH = sizeof smooth / sizeof *smooth };
 
 /* Upper tail of chi^2, about (Wilson & Hilferty 1931). */
@@ -317,38 +326,51 @@ static struct tally draw(const facet_bsdf *bsdf, const double wo[3], size_t n, u
     return tally;
 }
 
+/* p of the samples' counts by cell against the quadrature of pdf; cells that expect few are one. */
+static double p_value(const struct sums *sums, const struct tally *tally)
+{
+    double chi2 = 0, cells = -1, rest = 0, rest_count = 0, n = (double)tally->n;
+    for (int c = 0; c < CELLS; c++) {
+        double expected = sums->cell[c] * n;
+        if (expected < 8) {
+            rest += expected, rest_count += tally->cell[c];
+            continue;
+        }
+        chi2 += pow(tally->cell[c] - expected, 2) / expected, cells++;
+    }
+    if (rest > 8) chi2 += pow(rest_count - rest, 2) / rest, cells++;
+    return tail(chi2, cells);
+}
+
+/* No weight is beyond 1: the variance of their mean is at most share (1 - share)/n. */
+static void check_estimate(double estimate, double share, size_t n)
+{
+    CHECK(share > 0 && share < 1);
+    CHECK(fabs(estimate - share) < 5 * sqrt(share * (1 - share) / (double)n));
+}
+
 /* pdf over the sphere by quadrature, samples by cell, and their weights against the shares of the furnace. */
 TEST(samples_follow_their_pdf)
 {
     size_t n = draw_count(60) * 1000;
-    double least = 1;
-    for (int t = 0; t < SMOOTH; t++) {
-        double wo[3], chi2 = 0, cells = -1, rest = 0, rest_count = 0;
-        facet_material m = glass_of(smooth[t][0], smooth[t][1], smooth[t][2], wo);
+    for (int t = 0; t < (is_whole() ? SMOOTH : 2); t++) {
+        double wo[3];
+        facet_material m = glass_of(smooth[t].surface, smooth[t].index, smooth[t].view, wo);
         facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
         struct sums sums = integrate(bsdf, wo);
-        CHECK_REL(sums.pdf, 1, t == SMOOTH - 1 ? 3e-5 : 1e-6, 0);
-        struct shares x = shares_of(&m, bsdf, wo, 5);
-        double same = wo[2] > 0 ? sums.above : sums.below, across = wo[2] > 0 ? sums.below : sums.above;
-        CHECK_REL(same, x.reflected, 2e-3, 0); /* a fixed rule meets the horizon there */
-        CHECK_REL(across, x.transmitted, 1e-6, 0);
+        struct shares x = shares_of(&m, bsdf, wo, 12);
         struct tally tally = draw(bsdf, wo, n, 100 + (unsigned)t);
-        for (int c = 0; c < CELLS; c++) {
-            double expected = sums.cell[c] * (double)n;
-            if (expected < 8) {
-                rest += expected, rest_count += tally.cell[c];
-                continue;
-            }
-            chi2 += pow(tally.cell[c] - expected, 2) / expected, cells++;
-        }
-        if (rest > 8) chi2 += pow(rest_count - rest, 2) / rest, cells++;
-        least = fmin(least, tail(chi2, cells));
-        check_note("-p", -tail(chi2, cells));
-        CHECK(fabs(tally.above - sums.above) < 5 * sqrt(sums.above * (1 - sums.above) / (double)n));
-        CHECK(fabs(tally.below - sums.below) < 5 * sqrt(sums.below * (1 - sums.below) / (double)n));
+        bool up = wo[2] > 0;
+        CHECK_REL(sums.pdf, 1, smooth[t].limit, 0);
+        CHECK_REL(up ? sums.above : sums.below, x.reflected, 5e-4, 0); /* a fixed rule meets the horizon there */
+        CHECK_REL(up ? sums.below : sums.above, x.transmitted, 1e-6, 0);
+        check_estimate(up ? tally.above : tally.below, x.reflected, n);
+        check_estimate(up ? tally.below : tally.above, x.transmitted, n);
+        double p = p_value(&sums, &tally);
+        check_note("-p", -p);
+        if (!(p * SMOOTH > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", p, SMOOTH);
         facet_bsdf_destroy(bsdf);
     }
-    if (!(least * SMOOTH > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", least, SMOOTH);
 }
 
 /* On every side of every surface: samples in numbers, and their estimate of the furnace. */
@@ -439,7 +461,7 @@ static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
         double size = sqrt(wi[0][k] * wi[0][k] + wi[1][k] * wi[1][k] + wi[2][k] * wi[2][k]);
         check_note("|wi| - 1", fabs(size - 1));
         check_note("weight - 1", weight[k] - 1);
-        CHECK(isfinite(pdf[k]) && pdf[k] >= 0 && weight[k] >= 0 && weight[k] <= 1 + 1e-12 && fabs(size - 1) < 1e-6);
+        CHECK(isfinite(pdf[k]) && pdf[k] >= 0 && weight[k] >= 0 && weight[k] <= 1 + 1e-12 && fabs(size - 1) < 1e-9);
     }
 }
 
@@ -447,18 +469,21 @@ TEST(extremes_are_numbers)
 {
     static const double ends[] = {1e-3, 1 - 1e-12, 1 + 1e-12, 1 + DBL_EPSILON, 1 - DBL_EPSILON / 2, 1.5, 1e3};
     struct rng rng;
+    size_t ran = 0, rounds = draw_count(4000);
     rng_seed(&rng, 5);
-    for (size_t k = 0, n = draw_count(4000); k < n; k++) {
+    for (size_t k = 0; k < rounds; k++) {
         facet_material m = glass(rng_uniform(&rng) < 0.5 ? FACET_GGX : FACET_BECKMANN, surfaces[0],
                                  ends[(size_t)(rng_uniform(&rng) * 7)], rng_uniform(&rng) < 0.5 ? FACET_SMITH : FACET_SMITH_UNCORRELATED);
         draw_roughness(&rng, &draw_everywhere, &m.roughness);
-        facet_bsdf *bsdf;
+        facet_bsdf *bsdf = NULL;
         facet_status status = facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf);
         if (status == FACET_UNSUPPORTED && m.ndf == FACET_BECKMANN) continue; /* leans too much */
         CHECK_INT(status, FACET_OK);
-        if (!status) run_extreme(&rng, bsdf);
+        if (!status) run_extreme(&rng, bsdf), ran++;
         facet_bsdf_destroy(bsdf);
     }
+    check_note("of all", (double)ran / (double)rounds);
+    CHECK(ran * 2 > rounds);
 }
 
 /* What transport means, which materials there are. */
@@ -474,14 +499,16 @@ TEST(conventions)
         }
         facet_bsdf_destroy(bsdf);
     }
+    CHECK(y[0][0] > 0 && y[0][1] > 0);
     CHECK_REL(y[1][0] * 2.25, y[0][0], 1e-15, 0);
     CHECK_REL(y[1][1] / 2.25, y[0][1], 1e-15, 0);
-    facet_bsdf *bsdf;
+    facet_bsdf *bsdf = NULL;
     m.fresnel.eta[0] = 1;
     CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
     m.fresnel.eta[0] = 0;
     CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
     m.fresnel.kind = FACET_FRESNEL_SCHLICK;
     CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_UNSUPPORTED);
+    CHECK(!bsdf);
     facet_bsdf_destroy(NULL);
 }
