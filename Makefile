@@ -281,13 +281,14 @@ demo: all ## send real data to every endpoint of a daemon of its own
 
 # A thousand million calls at the extremes, a million pairs through the public door.
 SOAK := $(B)/tests/extremes/test_many $(B)/tests/accuracy/test_answers
-soak: $(SOAK) $(B)/tests/property/test_energy ## the tests of extremes and of answered bounds, a hundred times as long
+soak: $(SOAK) $(B)/tests/property/test_energy ## the tests of extremes and of answered bounds, a hundred times as long, and chi2
 	@for t in $(SOAK); do for i in $(ISAS); do FACET_TEST_SCALE=100 FACET_ISA=$$i $$t || exit 1; done; done
 	@FACET_TEST_SCALE=140 $(B)/tests/property/test_energy weights_never_exceed_fresnel # 1e7 configurations
+	@$(MAKE) -s --no-print-directory chi2
 
 # The test of samples against densities, on the whole grid.
 CHI2 ?= 1e8
-chi2: $(B)/tests/property/test_sample_pdf ## chi squared of every sampler, model, shape, alpha and angle, CHI2 (1e8) samples each (hours)
+chi2: $(B)/tests/property/test_sample_pdf ## chi squared of every sampler, model, shape, alpha and angle, CHI2 (1e8; table no more than 1e7) samples each, on all processors (three quarters of an hour on two)
 	@FACET_CHI2=$(CHI2) $< every_sampler_at_length
 
 # The experiments of the papers, as tables and pictures.

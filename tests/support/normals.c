@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double beckmann_end = 7.5; /* exp(-56) ~ 4e-25 */
-
 struct normals_map normals_map(const facet_material *m, const double wo[3])
 {
     const facet_roughness *r = &m->roughness;
@@ -26,8 +24,8 @@ struct normals_map normals_map(const facet_material *m, const double wo[3])
         map.low = -acos(-1) / 2;
         map.high = atan(v);
     } else {
-        map.low = v < 0 ? -sqrt(v * v + beckmann_end * beckmann_end) : -beckmann_end;
-        map.high = fmin(v, beckmann_end);
+        map.low = v < 0 ? -sqrt(v * v + NORMALS_BECKMANN_END * NORMALS_BECKMANN_END) : -NORMALS_BECKMANN_END;
+        map.high = fmin(v, NORMALS_BECKMANN_END);
     }
     return map;
 }
@@ -44,8 +42,8 @@ struct normals_node normals_at(const struct normals_map *map, double p, double q
         stretch = (map->high - map->low) * half_turn / (pow(cos(psi), 3) * pow(cos(chi), 2));
     } else {
         x = map->low + (map->high - map->low) * p;
-        y = beckmann_end * (2 * q - 1);
-        stretch = (map->high - map->low) * 2 * beckmann_end;
+        y = NORMALS_BECKMANN_END * (2 * q - 1);
+        stretch = (map->high - map->low) * 2 * NORMALS_BECKMANN_END;
     }
     double sx = x * map->cosine - y * map->sine, sy = x * map->sine + y * map->cosine;
     double hx = -(r->alpha_x * sx + r->slope_x);
@@ -55,20 +53,6 @@ struct normals_node normals_at(const struct normals_map *map, double p, double q
     node.area = z * z * z * r->alpha_x * r->alpha_y * kappa * stretch;
     node.cosine = (map->c - map->s * x) * z;
     return node;
-}
-
-bool normals_where(const struct normals_map *map, const double h[3], double *p, double *q)
-{
-    const facet_roughness *r = &map->roughness;
-    if (!(h[2] > 0)) return false;
-    double kappa = sqrt((1 - r->rho) * (1 + r->rho));
-    double sx = (-h[0] / h[2] - r->slope_x) / r->alpha_x;
-    double sy = ((-h[1] / h[2] - r->slope_y) / r->alpha_y - r->rho * sx) / kappa;
-    double x = sx * map->cosine + sy * map->sine, y = -sx * map->sine + sy * map->cosine;
-    double psi = map->ggx ? atan(x) : x;
-    *p = (psi - map->low) / (map->high - map->low);
-    *q = map->ggx ? atan(y / hypot(1, x)) / acos(-1) + 0.5 : (y / beckmann_end + 1) / 2;
-    return *p >= 0 && *p < 1 && *q >= 0 && *q < 1;
 }
 
 /* Roots of the Legendre polynomial by Newton's method. */

@@ -30,8 +30,8 @@ struct normals_map normals_map(const facet_material *material, const double wo[3
 /* The normal at (p, q) of the unit square; area is per unit of the square. */
 struct normals_node normals_at(const struct normals_map *map, double p, double q);
 
-/* Back: which (p, q) a vector along h has; false if it points down or is not seen. */
-bool normals_where(const struct normals_map *map, const double h[3], double *p, double *q);
+/* Beckmann: exp(-x^2) is nothing beyond, 4e-25. */
+#define NORMALS_BECKMANN_END 7.5
 
 enum { GAUSS_NODES = 16 };
 /* Gauss-Legendre on [0, 1]. */
