@@ -17,7 +17,7 @@ struct eval_request {
 
 struct eval_response {
     struct text *of[FACET_QUANTITY_COUNT];
-    const char *sampler; /* NULL: visible normals, not asked otherwise */
+    const char *sampler; /* NULL: no pdf, or of visible normals and not asked otherwise */
     int64_t count;
     struct accuracy accuracy;
 };
@@ -34,7 +34,7 @@ static const struct field request_fields[] = {
     PAIR_FIELDS(struct eval_request),
     {MEMBER(struct eval_request, outputs), FIELD_SET, FIELD_DEFAULT, .names = quantity_names,
      .initial = 1 << FACET_FR, .doc = "what to compute"},
-    SAMPLER_FIELD(struct eval_request),
+    SAMPLER_FIELD(struct eval_request, "whose density pdf is"),
     CHANNELS_FIELD(struct eval_request),
     FLAT_FIELD(struct eval_request),
     DTYPE_FIELD(struct eval_request),
@@ -52,7 +52,7 @@ static const struct field response_fields[] = {
 #include "quantities.def"
 #undef QUANTITY
     {MEMBER(struct eval_response, sampler), FIELD_TEXT,
-     .doc = "the method that pdf belongs to, if one was named; else visible normals by their plain density"},
+     .doc = "the method that pdf belongs to, if both were asked for; else visible normals by their plain density"},
     COUNT_FIELD(struct eval_response),
     ACCURACY_FIELD(struct eval_response),
     {0},
@@ -72,10 +72,10 @@ static bool handle(struct call *call)
         .dtype = in->dtype,
     };
     bool is_named = in->sampler != FACET_SAMPLER_AUTO;
-    if (is_named && !api_sampler(in->sampler, (facet_ndf)in->material.ndf, call->problem, &evaluation.sampler))
+    if (is_named && !api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler))
         return false;
     if (!api_evaluate(call, &evaluation)) return false;
-    out->sampler = is_named ? api_sampler_names[evaluation.sampler] : NULL;
+    out->sampler = is_named && in->outputs >> FACET_PDF & 1 ? api_sampler_names[evaluation.sampler] : NULL;
     memcpy(out->of, evaluation.of, sizeof out->of);
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;

@@ -2,7 +2,6 @@
 #include "endpoint.h"
 #include "evaluate.h"
 #include "sampler.h"
-#include "transmission.h"
 
 struct pdf_request {
     struct material material;
@@ -21,7 +20,7 @@ struct pdf_response {
 static const struct field request_fields[] = {
     MATERIAL_FIELD(struct pdf_request),
     PAIR_FIELDS(struct pdf_request),
-    SAMPLER_FIELD(struct pdf_request),
+    SAMPLER_FIELD(struct pdf_request, "whose density"),
     DTYPE_FIELD(struct pdf_request),
     TOLERANCE_FIELDS(struct pdf_request),
     {0},
@@ -49,9 +48,8 @@ static bool handle(struct call *call)
         .channels = -1,
         .dtype = in->dtype,
     };
-    facet_ndf ndf = (facet_ndf)in->material.ndf;
-    if (!api_sampler(in->sampler, ndf, call->problem, &evaluation.sampler) ||
-        !api_transmission_sampler(&in->material, evaluation.sampler, call->problem) || !api_evaluate(call, &evaluation))
+    if (!api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler) ||
+        !api_evaluate(call, &evaluation))
         return false;
     out->sampler = api_sampler_names[evaluation.sampler];
     out->pdf = evaluation.of[FACET_PDF];

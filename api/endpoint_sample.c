@@ -60,7 +60,7 @@ static const struct field request_fields[] = {
             "SplitMix64 stream, u_lobe value k of the stream of 2^64 - 1 - seed; 0 by default"},
     SEQUENCE_FIELD(struct sample_request),
     PAIRING_FIELD(struct sample_request, pairing),
-    SAMPLER_FIELD(struct sample_request),
+    SAMPLER_FIELD(struct sample_request, "how samples are drawn"),
     {R(outputs), FIELD_SET, FIELD_DEFAULT, .names = output_names,
      .initial = 1 << WI | 1 << WEIGHT | 1 << PDF, .doc = "what to return"},
     {R(solid_angle), FIELD_BOOL, FIELD_DEFAULT,
@@ -365,9 +365,7 @@ static bool handle(struct call *call)
     struct job *job = api_arena_array(call->arena, 1, sizeof *job);
     if (!job) return api_problem_memory(call->problem);
     job->in = call->in;
-    facet_ndf ndf = (facet_ndf)job->in->material.ndf;
-    if (!api_sampler(job->in->sampler, ndf, call->problem, &job->sampler) ||
-        !api_transmission_sampler(&job->in->material, job->sampler, call->problem) || !prepare(call, job))
+    if (!api_sampler(job->in->sampler, &job->in->material, call->problem, &job->sampler) || !prepare(call, job))
         return false;
     out->sampler = api_sampler_names[job->sampler];
     call->response->trace.decode_us += api_clock() - start;

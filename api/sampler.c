@@ -1,6 +1,6 @@
 #include "sampler.h"
 
-#include "material.h"
+#include "facet_transmission.h"
 
 #include <stdio.h>
 
@@ -19,17 +19,23 @@ uint32_t api_samplers(facet_ndf ndf)
     return set;
 }
 
-bool api_sampler(int sampler, facet_ndf ndf, struct problem *problem, facet_sampler *method)
+static bool serves(facet_sampler method, const struct material *material)
+{
+    facet_ndf ndf = (facet_ndf)material->ndf;
+    return material->transmission ? facet_bsdf_sampler_serves(method, ndf) : facet_sampler_serves(method, ndf);
+}
+
+bool api_sampler(int sampler, const struct material *material, struct problem *problem, facet_sampler *method)
 {
     struct place at = {NULL, "sampler", 0};
     *method = (facet_sampler)sampler;
-    if (sampler == FACET_SAMPLER_AUTO) *method = facet_sampler_auto(ndf);
-    if (sampler == FACET_SAMPLER_AUTO || facet_sampler_serves(*method, ndf)) return true;
+    if (sampler == FACET_SAMPLER_AUTO) *method = facet_sampler_auto((facet_ndf)material->ndf);
+    if (sampler == FACET_SAMPLER_AUTO || serves(*method, material)) return true;
     char list[128];
     size_t used = (size_t)snprintf(list, sizeof list, "auto");
-    for (int i = 0; i < FACET_SAMPLER_COUNT; i++)
-        if (api_samplers(ndf) >> i & 1)
+    for (int i = FACET_SAMPLER_AUTO + 1; i < FACET_SAMPLER_COUNT; i++)
+        if (serves((facet_sampler)i, material))
             used += (size_t)snprintf(list + used, sizeof list - used, ", %s", api_sampler_names[i]);
-    return api_problem_at(problem, &at, "\"%s\" does not sample %s, which has: %s",
-                          api_sampler_names[sampler], api_ndf_names[ndf], list);
+    return api_problem_at(problem, &at, "\"%s\" does not sample %s, which has: %s", api_sampler_names[sampler],
+                          material->transmission ? "transmission" : api_ndf_names[material->ndf], list);
 }

@@ -60,14 +60,6 @@ bool api_transmission_open(const struct material *m, const struct place *place, 
            api_problem_memory(decoder->problem);
 }
 
-bool api_transmission_sampler(const struct material *m, facet_sampler method, struct problem *problem)
-{
-    struct place at = {NULL, "sampler", 0};
-    if (!m->transmission || facet_bsdf_sampler_serves(method, (facet_ndf)m->ndf)) return true;
-    return api_problem_at(problem, &at, "\"%s\" does not sample transmission, which has: auto%s, slope",
-                          facet_sampler_name(method), m->ndf == FACET_GGX ? ", caps" : "");
-}
-
 bool api_transmission_refuse(const struct material *m, const struct place *place, const char *why,
                              struct problem *problem)
 {

@@ -14,9 +14,6 @@ bool api_transmission_check(const struct material *material, const struct place 
 bool api_transmission_open(const struct material *material, const struct place *place,
                            struct decoder *decoder, struct surface *surface);
 
-/* 422 unless the method samples visible normals; anything goes without transmission. */
-bool api_transmission_sampler(const struct material *material, facet_sampler method,
-                              struct problem *problem);
 /* 422 where an endpoint has nothing for transmission yet. */
 bool api_transmission_refuse(const struct material *material, const struct place *place,
                              const char *why, struct problem *problem);
