@@ -59,8 +59,8 @@ done
 
 # 3. every make target exists
 missing=
-for target in $(grep -ohE '`make [a-z][a-z-]*' README.md CONTRIBUTING.md | cut -d' ' -f2 | sort -u); do
-    grep -qE "^([a-z-]+ )*$target( [a-z-]+)*:" Makefile || missing+="no make target $target"$'\n'
+for target in $(grep -ohE '`make [a-z][a-z0-9-]*' README.md CONTRIBUTING.md | cut -d' ' -f2 | sort -u); do
+    grep -qE "^([a-z0-9-]+ )*$target( [a-z0-9-]+)*:" Makefile || missing+="no make target $target"$'\n'
 done
 [ -z "$missing" ] && say ok targets || say FAIL targets "${missing%$'\n'}"
 
