@@ -36,6 +36,7 @@ struct api_request {
 
 /* Where the time went and what was computed, for the server's log; 0 or NULL where unknown. */
 struct api_trace {
+    /* Summed over threads; of a stream what came before its first block. */
     double decode_us, compute_us, encode_us;
     size_t evaluations;
     const char *tier;
@@ -103,12 +104,16 @@ void api_handle(const struct api_request *request, struct api_response *response
 
 /*
  * The next bytes of a streamed answer, at most `room`; 0 at its end, -1 when it cannot go on (cut the
- * connection: the status has gone out).  It computes, about a megabyte ahead, which takes some milliseconds:
- * on a worker, unless it is ready.  Between two calls it holds no more memory than that and the request.
+ * connection: the status has gone out).  It computes about a megabyte ahead, in buffers of some four, which
+ * takes some milliseconds: on a worker, unless it is ready.  Between two calls it holds no more memory than
+ * that and the request.
  */
 long api_stream_next(struct api_stream *stream, char *out, size_t room);
 /* The next call computes nothing. */
 bool api_stream_is_ready(const struct api_stream *stream);
+
+/* Whether an Accept-Encoding (NULL: none was sent) takes gzip, by its name or by "*" (RFC 9110 section 12.5.3). */
+bool api_takes_gzip(const char *accept_encoding);
 
 /* A problem+json response for what the server refuses by itself (408, 413, 429, 431, 503 ...). */
 void api_refuse(int status, const char *detail, struct api_response *response);

@@ -21,6 +21,13 @@ static void *gzip(const void *bytes, size_t size, size_t *out_size)
     return NULL;
 }
 
+bool api_takes_gzip(const char *accept_encoding)
+{
+    /* Without the header, and with an empty one, as it is. */
+    return accept_encoding && accept_encoding[strspn(accept_encoding, " \t")] &&
+           api_media_quality(accept_encoding, "gzip") > 0;
+}
+
 void api_compress(const char *accept_encoding, struct api_response *response)
 {
     size_t size;
@@ -29,9 +36,7 @@ void api_compress(const char *accept_encoding, struct api_response *response)
                   !strcmp(response->content_type, "application/json");
     if (!is_fit) return;
     api_answer_header(response, "Vary", "Accept-Encoding");
-    /* Without the header, and with an empty one, as it is (RFC 9110 section 12.5.3). */
-    if (!accept_encoding || !accept_encoding[strspn(accept_encoding, " \t")]) return;
-    if (!(api_media_quality(accept_encoding, "gzip") > 0)) return;
+    if (!api_takes_gzip(accept_encoding)) return;
     void *body = gzip(response->body, response->body_size, &size);
     if (!body) return;
     free(response->body);

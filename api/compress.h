@@ -6,7 +6,7 @@
 
 /*
  * Replaces the body by its gzip (RFC 1952) and adds Content-Encoding where accept_encoding (NULL:
- * none) names gzip; JSON of 1 KiB to 1 MiB only: smaller costs more than it saves, and an array of
+ * none) takes gzip; JSON of 1 KiB to 1 MiB only: smaller costs more than it saves, and an array of
  * numbers shrinks less as text (2 times, at 100 ns a number) than as a float32 (2.5 times, at 1 ns).
  * Without memory the answer stays as it is.  libdeflate, which EXR maps need anyway, packs JSON twice to
  * five times as fast as zlib and a little smaller; zstd would be 1.3 times as fast again, for one

@@ -35,11 +35,12 @@ static double quality_of(const char *range)
     return 1;
 }
 
-/* How exactly a range names the type: 0 not, 1 any, 2 its first half, 3 whole. */
+/* How exactly a range names the type or coding: 0 not, 1 any, 2 its first half, 3 whole. */
 static int precision(const char *range, size_t n, const char *type)
 {
     size_t first = strcspn(type, "/") + 1;
     if (n == strlen(type) && !strncasecmp(range, type, n)) return 3;
+    if (!strchr(type, '/')) return n == 1 && *range == '*'; /* a coding has no halves */
     if (n == first + 1 && range[first] == '*' && !strncasecmp(range, type, first)) return 2;
     return n == 3 && !strncmp(range, "*/*", 3);
 }

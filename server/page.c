@@ -4,7 +4,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 static bool serves_page = true;
 
@@ -30,37 +29,14 @@ static const char policy[] =
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
     "require-trusted-types-for 'script'";
 
-/* The weight of one coding in a list: "gzip;q=0" refuses, "*" means every one that is not named. */
-static bool is_zero_weight(const char *parameters, size_t size)
-{
-    const char *q = memchr(parameters, '=', size);
-    return q && strtod(q + 1, NULL) <= 0;
-}
-
-/* RFC 9110 section 12.5.3. */
-static bool takes_gzip(const char *accepted)
-{
-    bool any = false;
-    while (accepted && *accepted) {
-        accepted += strspn(accepted, " \t,");
-        size_t size = strcspn(accepted, ","), name = strcspn(accepted, " \t,;");
-        bool refused = is_zero_weight(accepted + name, size - name);
-        if (name == 4 && !strncasecmp(accepted, "gzip", 4)) return !refused;
-        if (name == 1 && *accepted == '*') any = !refused;
-        accepted += size;
-    }
-    return any;
-}
-
 void page_answer(const struct page_file *file, const struct api_request *request,
                  struct api_response *response)
 {
     if (strcmp(request->method, "GET")) { /* HEAD comes as GET */
-        api_refuse(405, "this allows GET and HEAD", response);
-        site_put_header(response, "Allow", "GET, HEAD");
+        site_refuse_method(file->path, response);
         return;
     }
-    const bool packed = takes_gzip(request->accept_encoding);
+    const bool packed = api_takes_gzip(request->accept_encoding);
     const struct page_bytes bytes = packed ? file->gzip : file->plain;
     const size_t size = (size_t)(bytes.end - bytes.begin);
     char *body = malloc(size ? size : 1);

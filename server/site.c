@@ -49,6 +49,14 @@ void site_put_header(struct api_response *response, const char *name, const char
     snprintf(header->value, sizeof header->value, "%s", value);
 }
 
+void site_refuse_method(const char *path, struct api_response *response)
+{
+    char detail[128]; /* the paths are our own, and short */
+    snprintf(detail, sizeof detail, "%s allows GET and HEAD", path);
+    api_refuse(405, detail, response);
+    site_put_header(response, "Allow", "GET, HEAD");
+}
+
 /* Takes over the text; NULL: out of memory. */
 static void answer(struct api_response *response, const char *type, char *text, size_t size)
 {
@@ -86,8 +94,7 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
     const char *own = own_path(request->path);
     const struct page_file *file;
     if (own && !reads(request->method)) {
-        api_refuse(405, "this allows GET and HEAD", response);
-        site_put_header(response, "Allow", "GET, HEAD");
+        site_refuse_method(own, response);
     } else if (own) {
         *response = (struct api_response){0};
         if (!strcmp(own, READYZ))

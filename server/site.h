@@ -20,6 +20,9 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
  */
 bool site_is_open(enum site site, const char *path);
 
+/* 405 for a path of the daemon's own, which are only read. */
+void site_refuse_method(const char *path, struct api_response *response);
+
 /* A header of an answer that the daemon itself makes; no-op when there are API_HEADERS_MAX already. */
 void site_put_header(struct api_response *response, const char *name, const char *value);
 

@@ -64,6 +64,11 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
     return (struct api_route){0};
 }
 
+bool api_takes_gzip(const char *accept_encoding)
+{
+    return accept_encoding && !strcmp(accept_encoding, "gzip");
+}
+
 bool api_is_short(const struct api_request *request)
 {
     (void)request;

@@ -99,7 +99,9 @@ TEST(json_is_compressed_on_demand)
         bool is_gzip;
     } cases[] = {{NULL, false},          {"gzip", true},          {"deflate, gzip;q=0.5, br", true},
                  {"gzip;q=0", false},    {"identity", false},     {"", false},
-                 {"br, zstd", false},    {"GZIP", true}};
+                 {"br, zstd", false},    {"GZIP", true},         {"*", true},
+                 {"br, *;q=0.1", true},  {"gzip;q=0, *", false}, {"*;q=0", false},
+                 {"*;q=0, gzip", true},  {"xgzip, gzipx", false}, {"gzip ; q=0.0, *", false}};
     struct answer plain = ask("GET", "/v1/openapi.json", NULL);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct answer a = ask_with((struct api_request){
