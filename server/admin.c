@@ -9,6 +9,7 @@
 #include <errno.h>
 #include <poll.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,6 +27,7 @@ struct admin {
     struct acceptor acceptor;
     int stop_fd;
     pthread_t thread;
+    sem_t urgent; /* the thread has asked for what the sandbox forbids later */
 };
 
 /* False when the thread shall end. */
@@ -58,6 +60,7 @@ static void *run(void *user)
     struct admin *admin = user;
     int64_t tick_us = 0;
     urgent_thread();
+    sem_post(&admin->urgent);
     while (turn(admin, &tick_us)) continue;
     accept_end(&admin->acceptor);
     return NULL;
@@ -75,7 +78,11 @@ struct admin *admin_start(const struct options *options, struct listeners *liste
                                                     .site = SITE_ADMIN,
                                                     .max_connections = CONNECTIONS});
     admin->acceptor = (struct acceptor){.http = admin->http, .listeners = listeners};
-    if (admin->http && !(errno = pthread_create(&admin->thread, NULL, run, admin))) return admin;
+    sem_init(&admin->urgent, 0, 0); /* fails for values and kinds that these are not */
+    if (admin->http && !(errno = pthread_create(&admin->thread, NULL, run, admin))) {
+        while (sem_wait(&admin->urgent)) continue; /* EINTR */
+        return admin;
+    }
 failed:
     fprintf(stderr, "facetd: cannot start the admin listener: %s\n", strerror(errno));
     if (admin) {
@@ -95,5 +102,6 @@ void admin_stop(struct admin *admin)
     pthread_join(admin->thread, NULL);
     http_destroy(admin->http);
     close(admin->stop_fd);
+    sem_destroy(&admin->urgent);
     free(admin);
 }
