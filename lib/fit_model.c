@@ -18,14 +18,20 @@
 #define HUBER 3.0
 #define KD_MAX 0.999
 
+/* A source at an end of the range must not leave it by the rounding of its logarithm. */
+static double alpha_of(double log_alpha)
+{
+    return fmax(FACET_ALPHA_MIN, fmin(FACET_ALPHA_MAX, exp(log_alpha)));
+}
+
 double facet_fit_model_alpha(const struct fit_model *model)
 {
-    return exp(model->anisotropic ? (model->shape[0] + model->shape[1]) / 2 : model->shape[0]);
+    return alpha_of(model->anisotropic ? (model->shape[0] + model->shape[1]) / 2 : model->shape[0]);
 }
 
 facet_material facet_fit_model_material(const struct fit_model *model)
 {
-    double ax = exp(model->shape[0]), ay = model->anisotropic ? exp(model->shape[1]) : ax;
+    double ax = alpha_of(model->shape[0]), ay = model->anisotropic ? alpha_of(model->shape[1]) : ax;
     double rho = model->anisotropic ? tanh(model->shape[2]) : 0;
     if (model->ndf == FACET_TABULATED && !model->anisotropic) ax = ay = 1;
     return (facet_material){.ndf = model->ndf,

@@ -253,6 +253,26 @@ static void check_refused(const char *body, const char *pointer)
     json_decref(problem);
 }
 
+/* A source at either end of the range of alpha is fitted, within it. */
+TEST(ends_of_alpha)
+{
+    static const char *const ndfs[] = {"ggx", "beckmann"};
+    static const double alphas[] = {FACET_ALPHA_MIN, 1e3, FACET_ALPHA_MAX};
+    for (int n = 0; n < 2; n++) {
+        for (int k = 0; k < 3; k++) {
+            char body[128];
+            snprintf(body, sizeof body, "{\"source\":{\"ndf\":\"%s\",\"alpha\":%g}}", ndfs[n],
+                     alphas[k]);
+            json_t *fit = fit_json(body, 200);
+            CHECK_STR(text_at(fit, "material", "ndf"), ndfs[n]);
+            double alpha = number_at(fit, "material", "alpha");
+            CHECK(alpha >= FACET_ALPHA_MIN && alpha <= FACET_ALPHA_MAX);
+            CHECK_REL(alpha, alphas[k], 1e-6, 0);
+            json_decref(fit);
+        }
+    }
+}
+
 TEST(refusals_name_the_member)
 {
     check_refused("{}", "/source");
