@@ -18,3 +18,6 @@ setpriv --pdeathsig TERM -- "$1" --port "$2" | {
         printf '\nSee it in a browser: %s/\nCtrl-C ends it.\n' "$url"
     done
 }
+status=${PIPESTATUS[0]}
+[ "$status" != 1 ] || echo "Is the port taken? make run PORT=0 takes a free one." >&2
+exit "$status"
