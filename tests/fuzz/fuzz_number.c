@@ -14,7 +14,9 @@ static void check_printed(double x, int digits)
     int n = digits ? api_number_print_digits(text, x, digits) : api_number_print(text, x);
     if (n <= 0 || n >= NUMBER_ROOM || api_number_parse(text, text + n, &back) != text + n) abort();
     snprintf(expected, sizeof expected, "%.*e", digits ? digits - 1 : 16, x);
-    if (back != (digits ? strtod(expected, NULL) : x)) abort();
+    double rounded = digits ? strtod(expected, NULL) : x;
+    /* What would round to more than the largest double keeps all its digits. */
+    if (back != (isinf(rounded) ? x : rounded)) abort();
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
