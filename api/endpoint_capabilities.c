@@ -6,6 +6,8 @@
 #include "speed.h"
 #include "tolerance.h"
 
+#include <stdatomic.h>
+
 struct model {
     const char *ndf;
     const char *sampler; /* NULL: cannot be sampled */
@@ -62,7 +64,7 @@ static const struct field quantity_fields[] = {
     {F(promise_of_quantity, quantity), FIELD_TEXT, FIELD_MUST, .doc = "as in \"outputs\""},
     {F(promise_of_quantity, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised"},
     {F(promise_of_quantity, ns), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
-     .doc = "one, in a batch, measured for this answer on this machine"},
+     .doc = "one, in a batch, measured on this machine for the first answer that told it"},
     {0},
 };
 
@@ -70,7 +72,7 @@ static const struct field speed_fields[] = {
     {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1"},
     {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
     {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
-     .doc = "one fr, in a batch, measured for this answer on this machine"},
+     .doc = "one fr, in a batch, measured on this machine for the first answer that told it"},
     {F(speed, quantities), FIELD_LIST, FIELD_MUST, .fields = quantity_fields,
      .size = sizeof(struct promise_of_quantity), .doc = "every output of that material"},
     {0},
@@ -131,7 +133,21 @@ static bool list_models(struct call *call, struct list *out)
     return true;
 }
 
-static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_tier tier, struct list *out)
+/* What a number costs, measured once: answers stay the same, as their ETag says. */
+static bool cost_of(const facet_brdf *brdf, facet_ndf ndf, facet_tier tier, facet_quantity quantity,
+                    struct arena *arena, double *ns)
+{
+    static _Atomic double measured[FACET_NDF_COUNT][FACET_TIER_COUNT][FACET_QUANTITY_COUNT]; /* 0: not yet */
+    _Atomic double *first = &measured[ndf][tier][quantity];
+    double none = 0;
+    *ns = *first;
+    if (*ns != 0) return true;
+    if (!api_measure_eval(brdf, tier, quantity, arena, ns)) return false;
+    if (!atomic_compare_exchange_strong(first, &none, *ns)) *ns = none;
+    return true;
+}
+
+static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_ndf ndf, facet_tier tier, struct list *out)
 {
     struct promise_of_quantity *list = api_arena_array(call->arena, FACET_QUANTITY_COUNT, sizeof *list);
     if (!list) return api_problem_memory(call->problem);
@@ -140,7 +156,7 @@ static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_tie
         struct promise_of_quantity *one = &list[out->count];
         one->quantity = quantity_names[q];
         if (!facet_bound(brdf, tier, (facet_quantity)q, 0, &one->bound)) continue;
-        if (!api_measure_eval(brdf, tier, (facet_quantity)q, call->arena, &one->ns))
+        if (!cost_of(brdf, ndf, tier, (facet_quantity)q, call->arena, &one->ns))
             return api_problem_memory(call->problem);
         out->count++;
     }
@@ -164,7 +180,7 @@ static bool describe_tier(struct call *call, int tier, struct tier *out)
         if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
         struct speed *speed = &speeds[out->models.count];
         speed->ndf = api_ndf_names[analytic[i]];
-        if (!list_quantities(call, surface.brdf, (facet_tier)tier, &speed->quantities)) return false;
+        if (!list_quantities(call, surface.brdf, analytic[i], (facet_tier)tier, &speed->quantities)) return false;
         if (!speed->quantities.count) continue;
         const struct promise_of_quantity *fr = speed->quantities.items; /* the first */
         speed->bound = fr->bound;

@@ -7,7 +7,7 @@
 bool facet_bsdf_sampler_serves(facet_sampler sampler, facet_ndf ndf)
 {
     bool visible = sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_CAPS || sampler == FACET_SAMPLER_SLOPE;
-    return visible && facet_sampler_serves(sampler, ndf);
+    return visible && ndf != FACET_TABULATED && facet_sampler_serves(sampler, ndf);
 }
 
 /* Visible normals h and what reflects there, with F, for the wo of a block. */

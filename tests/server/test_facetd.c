@@ -93,6 +93,15 @@ TEST(capabilities_tell_the_limits_of_the_options)
     CHECK(strstr(answer.body, "{\"name\":\"queue\",\"value\":77,"));
     CHECK(strstr(answer.body, "{\"name\":\"max_connections\",\"value\":42,"));
     CHECK(!strstr(answer.body, "\"port\""));
+    /* Rough dielectrics of analytic distributions alone. */
+    CHECK(strstr(answer.body, "\"ndf\":\"tabulated\"") && strstr(answer.body, "\"transmission\":true"));
+    const char *tabulated = strstr(answer.body, "\"ndf\":\"tabulated\"");
+    CHECK(tabulated && strncmp(strstr(tabulated, "\"transmission\":"), "\"transmission\":false", 20) == 0);
+    /* Costs are measured once: the same answer, so the same ETag, ever after. */
+    char *first = strdup(answer.body);
+    CHECK(daemon_get(&daemon, "/v1/capabilities", &answer));
+    CHECK(first && strcmp(first, answer.body) == 0);
+    free(first);
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 
