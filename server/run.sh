@@ -4,6 +4,7 @@
 # On a terminal the daemon gets a process group of its own (set -m), so that Ctrl-C reaches it alone:
 # it drains and exits 0, and so do this script and make, which would otherwise die of the signal.
 # Should this script be killed, setpriv has the kernel tell the daemon.
+set -o pipefail
 [ -t 0 ] && set -m
 setpriv --pdeathsig TERM -- "$1" --port "$2" | {
     trap '' INT
@@ -17,6 +18,3 @@ setpriv --pdeathsig TERM -- "$1" --port "$2" | {
         printf '\nSee it in a browser: %s/\nCtrl-C ends it.\n' "$url"
     done
 }
-status=${PIPESTATUS[0]}
-[ "$status" != 1 ] || echo "Is the port taken? make run PORT=0 takes a free one." >&2
-exit "$status"
