@@ -70,10 +70,13 @@ static void refuse_size(struct request *request)
     request_refuse(request, 413, detail);
 }
 
-static bool is_encoded(struct client *client)
+/* Bodies are taken as they are; true if this one was refused.  The value may be no UTF-8, so it is not quoted. */
+static bool refuse_encoded(struct client *client)
 {
     const char *encoding = client_header(client, "Content-Encoding");
-    return encoding && *encoding && strcasecmp(encoding, "identity");
+    if (!encoding || !*encoding || !strcasecmp(encoding, "identity")) return false;
+    request_refuse(&client->request, 415, "Content-Encoding must be identity or absent: send the body as it is");
+    return true;
 }
 
 /* What the head alone decides; true if the request is refused or answered. */
@@ -109,11 +112,7 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         refuse_size(request);
         return true;
     }
-    if (request->route.body_max && is_encoded(client)) {
-        request_refuse(request, 415, "bodies are taken as they are, without Content-Encoding");
-        return true;
-    }
-    return false;
+    return request->route.body_max && refuse_encoded(client);
 }
 
 /* The headers are complete. */

@@ -52,7 +52,7 @@ void site_put_header(struct api_response *response, const char *name, const char
 void site_refuse_method(const char *path, struct api_response *response)
 {
     char detail[128]; /* the paths are our own, and short */
-    snprintf(detail, sizeof detail, "%s allows GET and HEAD", path);
+    snprintf(detail, sizeof detail, "%s allows GET, HEAD", path);
     api_refuse(405, detail, response);
     site_put_header(response, "Allow", "GET, HEAD");
 }

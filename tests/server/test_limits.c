@@ -28,6 +28,26 @@ static int status_before_body(const struct daemon *daemon, const char *headers)
     return answer.status;
 }
 
+/* A GET whose one header has so many bytes; the status of the answer. */
+static int status_with_header(const struct daemon *daemon, size_t size)
+{
+    static char text[32768];
+    int start = snprintf(text, sizeof text, "GET /v1/document HTTP/1.1\r\nHost: x\r\nX: ");
+    memset(text + start, 'a', size);
+    strcpy(text + start + size, "\r\n\r\n");
+    CHECK(daemon_ask_over(daemon_connect(daemon), text, &answer));
+    return answer.status;
+}
+
+TEST(a_head_of_24_kb_is_taken)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    CHECK_INT(status_with_header(&daemon, 23900), 200);
+    CHECK_INT(status_with_header(&daemon, 25000), 431);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
 TEST(a_body_too_large_is_413_before_it_comes)
 {
     struct daemon daemon;
