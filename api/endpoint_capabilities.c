@@ -64,7 +64,7 @@ static const struct field quantity_fields[] = {
     {F(promise_of_quantity, quantity), FIELD_TEXT, FIELD_MUST, .doc = "as in \"outputs\""},
     {F(promise_of_quantity, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised"},
     {F(promise_of_quantity, ns), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
-     .doc = "one, in a batch, measured on this machine for the first answer that told it"},
+     .doc = "one, in a batch, measured once, on this machine"},
     {0},
 };
 
@@ -72,7 +72,7 @@ static const struct field speed_fields[] = {
     {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1"},
     {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
     {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
-     .doc = "one fr, in a batch, measured on this machine for the first answer that told it"},
+     .doc = "one fr, in a batch, measured once, on this machine"},
     {F(speed, quantities), FIELD_LIST, FIELD_MUST, .fields = quantity_fields,
      .size = sizeof(struct promise_of_quantity), .doc = "every output of that material"},
     {0},

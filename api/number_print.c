@@ -190,7 +190,8 @@ __attribute__((noinline)) static int print_any_digits(char *out, double value, i
     if (length >= 0) return length;
     uint64_t n = round_to_digits(fabs(value), digits, &exponent);
     /* Next to the largest double, rounding up leaves the doubles, and a reader would see infinity. */
-    if (exponent >= DBL_MAX_10_EXP && (exponent > DBL_MAX_10_EXP || n > 17976931348623157 / tens[17 - digits]))
+    const uint64_t largest = 17976931348623157; /* the digits of DBL_MAX */
+    if (exponent >= DBL_MAX_10_EXP && (exponent > DBL_MAX_10_EXP || n > largest / tens[17 - digits]))
         return api_number_print(out, value);
     return print_decimal(out, value < 0, n, digits, exponent);
 }
