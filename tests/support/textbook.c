@@ -23,7 +23,7 @@ double textbook_area(facet_ndf ndf, struct textbook_stretched k)
     return k.c * erfc(-v) / 2 + k.s * exp(-v * v) / (2 * sqrt(PI));
 }
 
-static double normals(facet_ndf ndf, const facet_roughness *r, const double H[3])
+double textbook_density(facet_ndf ndf, const facet_roughness *r, const double H[3])
 {
     double kappa = sqrt(1 - r->rho * r->rho);
     double x = (-H[0] / H[2] - r->slope_x) / r->alpha_x;
@@ -57,7 +57,7 @@ static double fr_cos(const facet_material *m, const double i[3], const double o[
     struct textbook_stretched ki = textbook_stretch(&m->roughness, i), ko = textbook_stretch(&m->roughness, o);
     if (i[2] <= 0 || H[2] <= 0) return 0;
     double length = sqrt(H[0] * H[0] + H[1] * H[1] + H[2] * H[2]), cd = length / 2, hz = H[2] / length;
-    double fd = fresnel(&m->fresnel, cd) * normals(m->ndf, &m->roughness, H);
+    double fd = fresnel(&m->fresnel, cd) * textbook_density(m->ndf, &m->roughness, H);
     if (m->masking == FACET_NONE) return fd * hz / (4 * cd);
     if (ki.c <= 0) return 0;
     double si = textbook_area(m->ndf, ki), so = textbook_area(m->ndf, ko);

@@ -16,6 +16,9 @@ struct textbook_stretched textbook_stretch(const facet_roughness *r, const doubl
 /* The projected area sigma of the surface toward it. */
 double textbook_area(facet_ndf ndf, struct textbook_stretched k);
 
+/* D of the normal along H, of any length. */
+double textbook_density(facet_ndf ndf, const facet_roughness *r, const double H[3]);
+
 typedef double textbook_function(void *user, double x);
 /* One Gauss rule over [a, b]. */
 double textbook_piece(textbook_function *f, void *user, double a, double b);

@@ -4,10 +4,12 @@
  * ends of the ranges is no number.
  */
 #include "check.h"
+#include "chi_squared.h"
 #include "draw.h"
 #include "facet_transmission.h"
 #include "integrate.h"
 #include "normals.h"
+#include "textbook.h"
 
 #include <float.h>
 #include <math.h>
@@ -77,25 +79,15 @@ static struct sums integrate(const facet_bsdf *bsdf, const double wo[3])
     return sums;
 }
 
-/* Heitz's Lambda and P from the thesis (tables 2.II, 2.III), of a direction that the mean facet sees. */
+/* Heitz's Lambda (the thesis's tables 2.II, 2.III) of a direction that the mean facet sees. */
 static double lambda(const facet_material *m, const double k[3])
 {
-    const facet_roughness *r = &m->roughness;
-    double a = r->alpha_x * k[0] + r->rho * r->alpha_y * k[1], b = r->alpha_y * sqrt(1 - r->rho * r->rho) * k[1];
-    double c = k[2] - k[0] * r->slope_x - k[1] * r->slope_y, s = hypot(a, b), v = c / s;
+    struct textbook_stretched t = textbook_stretch(&m->roughness, k);
+    double c = t.c, s = t.s, v = c / s;
     if (!(c > 0)) return INFINITY;
     if (s == 0) return 0;
     if (m->ndf == FACET_GGX) return (sqrt(1 + 1 / (v * v)) - 1) / 2;
     return (exp(-v * v) / (v * sqrt(pi)) - erfc(v)) / 2;
-}
-
-static double density(const facet_material *m, const double h[3])
-{
-    const facet_roughness *r = &m->roughness;
-    double kappa = sqrt(1 - r->rho * r->rho), x = (-h[0] / h[2] - r->slope_x) / r->alpha_x;
-    double y = ((-h[1] / h[2] - r->slope_y) / r->alpha_y - r->rho * x) / kappa, r2 = x * x + y * y;
-    double p = m->ndf == FACET_GGX ? 1 / ((1 + r2) * (1 + r2)) : exp(-r2);
-    return p / (pi * r->alpha_x * r->alpha_y * kappa * pow(h[2], 4));
 }
 
 /* G2/G1(o) of light on wo's side and across. */
@@ -158,7 +150,7 @@ static struct shares shares_of(const facet_material *m, const facet_bsdf *bsdf, 
     if (!normals_rule_create(m, wo, panels, &rule)) return sum;
     for (size_t k = 0; k < rule.n; k++) {
         const double h[3] = {rule.h[0][k], rule.h[1][k], rule.h[2][k]}, same[3] = {rule.i[0][k], rule.i[1][k], rule.i[2][k]};
-        double c = rule.cosine[k], seen = rule.weight[k] * density(m, h) * c / (c_mean * (1 + lo));
+        double c = rule.cosine[k], seen = rule.weight[k] * textbook_density(m->ndf, &m->roughness, h) * c / (c_mean * (1 + lo));
         struct split x = split_at(m, wo, lo, n, c, same, h);
         const double across[3] = {-x.up[0], -x.up[1], -x.up[2]};
         sum.lost += seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
@@ -223,7 +215,7 @@ static facet_status loss_across(void *user, const double at[INTEGRATE_POINTS], s
         double c = node.cosine, same[3];
         for (int j = 0; j < 3; j++) same[j] = 2 * c * node.h[j] - l->wo[j];
         struct split x = split_at(l->m, l->wo, l->lo, l->n, c, same, node.h);
-        double seen = node.area * density(l->m, node.h) * c / (l->c_mean * (1 + l->lo));
+        double seen = node.area * textbook_density(l->m->ndf, &l->m->roughness, node.h) * c / (l->c_mean * (1 + l->lo));
         double value = seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
         of[i] = (struct integral){{isfinite(value) ? value : 0}, {0}};
     }
@@ -285,13 +277,6 @@ static const struct {
 } smooth[] = {{0, 0, 0, 1e-6}, {0, 0, 1, 1e-6}, {1, 0, 0, 1e-6}, {2, 0, 0, 1e-6}, {0, 2, 1, 1e-6}, {1, 1, 2, 1e-5}};
 enum { SMOOTH = sizeof smooth / sizeof *smooth };
 
-/* Upper tail of chi^2, about (Wilson & Hilferty 1931). */
-static double tail(double chi2, double freedom)
-{
-    double v = 2 / (9 * freedom);
-    return erfc((cbrt(chi2 / freedom) - (1 - v)) / sqrt(2 * v)) / 2;
-}
-
 struct tally {
     size_t n;
     double above, below, cell[CELLS];
@@ -339,7 +324,7 @@ static double p_value(const struct sums *sums, const struct tally *tally)
         chi2 += pow(tally->cell[c] - expected, 2) / expected, cells++;
     }
     if (rest > 8) chi2 += pow(rest_count - rest, 2) / rest, cells++;
-    return tail(chi2, cells);
+    return chi_squared_tail(chi2, cells);
 }
 
 /* No weight is beyond 1: the variance of their mean is at most share (1 - share)/n. */
