@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #define PI 3.14159265358979323846
 
@@ -11,13 +12,19 @@ double api_surface_error(const struct surface *surface)
     return surface->has_diffuse ? 4 * DBL_EPSILON : 0;
 }
 
-double api_surface_sample_error(const struct surface *surface, facet_tier tier, facet_sampler sampler)
+bool api_surface_sample_bound(const struct surface *surface, facet_tier tier, facet_sampler sampler,
+                              double input_error, double *bound)
 {
-    double pdf;
-    if (!surface->has_diffuse) return 0;
+    const double cosine_error = 64 * DBL_EPSILON;
+    *bound = cosine_error;
+    if (surface->is_lambert) return true;
+    if (!facet_sample_bound(surface->brdf, tier, sampler, input_error, bound)) return false;
+    if (!surface->has_diffuse) return true;
     /* components of a cosine sample are right to 4 roundings, which the specular density sees */
-    if (!facet_pdf_bound(surface->brdf, tier, sampler, 16 * DBL_EPSILON, &pdf)) return INFINITY;
-    return 2 * pdf + 64 * DBL_EPSILON;
+    double pdf;
+    if (!facet_pdf_bound(surface->brdf, tier, sampler, 16 * DBL_EPSILON, &pdf)) return false;
+    *bound += 2 * pdf + cosine_error;
+    return true;
 }
 
 /* F at normal incidence, mean of the channels: about how much the specular part reflects. */
@@ -27,13 +34,20 @@ static double normal_reflectance(const facet_fresnel *f)
     for (size_t c = 0; c < f->channels; c++) {
         double eta = f->eta[c], k = f->k[c];
         switch (f->kind) {
-        case FACET_FRESNEL_SCHLICK: sum += f->f0[c]; break;
-        case FACET_FRESNEL_DIELECTRIC: sum += (eta - 1) * (eta - 1) / ((eta + 1) * (eta + 1)); break;
+        case FACET_FRESNEL_SCHLICK:
+            sum += f->f0[c];
+            break;
+        case FACET_FRESNEL_DIELECTRIC:
+            sum += (eta - 1) * (eta - 1) / ((eta + 1) * (eta + 1));
+            break;
         case FACET_FRESNEL_CONDUCTOR:
             sum += ((eta - 1) * (eta - 1) + k * k) / ((eta + 1) * (eta + 1) + k * k);
             break;
-        case FACET_FRESNEL_TABLE: sum += fmin(f->values[c][f->count - 1], 1); break;
-        default: sum += 1;
+        case FACET_FRESNEL_TABLE:
+            sum += fmin(f->values[c][f->count - 1], 1);
+            break;
+        default:
+            sum += 1;
         }
     }
     return sum / (double)f->channels;
@@ -43,27 +57,50 @@ double api_diffuse_share(const struct surface *surface)
 {
     static const double most = 0.95; /* a highlight is never left to chance */
     if (!surface->has_diffuse) return 0;
+    if (surface->is_lambert) return 1;
     double kd = (surface->diffuse[0] + surface->diffuse[1] + surface->diffuse[2]) / 3;
     double specular = (1 - kd) * normal_reflectance(&surface->facet.fresnel);
     return kd > 0 ? fmin(kd / (kd + specular), most) : 0;
+}
+
+/* What the specular part counts. */
+static double specular_weight(const struct surface *surface, size_t channel)
+{
+    return surface->is_lambert ? 0 : 1 - surface->diffuse[channel];
 }
 
 static void add_lambert(const struct surface *surface, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                         bool with_cos, double *const out[3])
 {
     for (size_t c = 0; c < surface->channels; c++) {
-        double kd = surface->diffuse[c], lambert = kd / PI;
+        double specular = specular_weight(surface, c), lambert = surface->diffuse[c] / PI;
         for (size_t i = 0; out[c] && i < n; i++)
             if (wi.z[i] > 0 && wo.z[i] > 0)
-                out[c][i] = (1 - kd) * out[c][i] + lambert * (with_cos ? wi.z[i] : 1);
+                out[c][i] = specular * out[c][i] + lambert * (with_cos ? wi.z[i] : 1);
     }
 }
 
 static void mix_pdf(const struct surface *surface, facet_vec3_in wi, size_t n, double *pdf)
 {
     double share = api_diffuse_share(surface);
-    for (size_t i = 0; i < n; i++)
-        pdf[i] = (1 - share) * pdf[i] + share / PI * fmax(wi.z[i], 0);
+    for (size_t i = 0; i < n; i++) pdf[i] = (1 - share) * pdf[i] + share / PI * fmax(wi.z[i], 0);
+}
+
+/* Of a Lambert surface there is none: fr, fr_cos and pdf start at 0. */
+static facet_status eval_specular(const struct surface *surface, facet_tier tier,
+                                  facet_sampler sampler, facet_vec3_in wi, facet_vec3_in wo,
+                                  size_t n, const facet_outputs *outputs)
+{
+    for (int q = 0; q < FACET_QUANTITY_COUNT && surface->is_lambert; q++)
+        for (int c = 0; c < 3 && outputs->of[q][c]; c++)
+            memset(outputs->of[q][c], 0, n * sizeof *outputs->of[q][c]);
+    if (surface->is_lambert) return FACET_OK;
+    facet_outputs evaluated = *outputs;
+    double *pdf = sampler == FACET_SAMPLER_AUTO ? NULL : outputs->of[FACET_PDF][0];
+    if (pdf) evaluated.of[FACET_PDF][0] = NULL;
+    facet_status status = facet_eval(surface->brdf, tier, wi, wo, n, &evaluated);
+    if (status == FACET_OK && pdf) status = facet_pdf(surface->brdf, tier, sampler, wi, wo, n, pdf);
+    return status;
 }
 
 facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_sampler sampler,
@@ -71,11 +108,7 @@ facet_status api_surface_eval(const struct surface *surface, facet_tier tier, fa
                               const facet_outputs *outputs)
 {
     if (surface->bsdf) return facet_bsdf_eval(surface->bsdf, wi, wo, n, outputs);
-    facet_outputs evaluated = *outputs;
-    double *pdf = sampler == FACET_SAMPLER_AUTO ? NULL : outputs->of[FACET_PDF][0];
-    if (pdf) evaluated.of[FACET_PDF][0] = NULL;
-    facet_status status = facet_eval(surface->brdf, tier, wi, wo, n, &evaluated);
-    if (status == FACET_OK && pdf) status = facet_pdf(surface->brdf, tier, sampler, wi, wo, n, pdf);
+    facet_status status = eval_specular(surface, tier, sampler, wi, wo, n, outputs);
     if (status != FACET_OK || !surface->has_diffuse) return status;
     if (outputs->of[FACET_FR][0]) add_lambert(surface, wi, wo, n, false, outputs->of[FACET_FR]);
     if (outputs->of[FACET_FR_COS][0])
@@ -121,7 +154,8 @@ static facet_status weigh(const struct surface *surface, facet_tier tier, facet_
 }
 
 facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
-                                facet_sampler sampler, facet_vec3_in wo, double *u1, const double *u2, size_t n, const facet_samples *out)
+                                facet_sampler sampler, facet_vec3_in wo, double *u1,
+                                const double *u2, size_t n, const facet_samples *out)
 {
     if (!surface->has_diffuse)
         return facet_sample(surface->brdf, tier, sampler, wo, u1, u2, n, out);
@@ -140,8 +174,10 @@ facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
         specular.wi = (facet_vec3_out){out->wi.x + start, out->wi.y + start, out->wi.z + start};
         if (out->h.x)
             specular.h = (facet_vec3_out){out->h.x + start, out->h.y + start, out->h.z + start};
-        facet_status status =
-            facet_sample(surface->brdf, tier, sampler, from, u1 + start, u2 + start, size, &specular);
+        facet_status status = surface->is_lambert
+                                  ? FACET_OK
+                                  : facet_sample(surface->brdf, tier, sampler, from, u1 + start,
+                                                 u2 + start, size, &specular);
         if (status != FACET_OK) return status;
         for (size_t i = 0; i < size; i++)
             if (is_cosine[i]) cosine(out, wo, start + i, u1[start + i], u2[start + i]);
@@ -153,6 +189,5 @@ facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
 
 double api_diffuse_albedo(const struct surface *surface, size_t channel, double specular)
 {
-    double kd = surface->has_diffuse ? surface->diffuse[channel] : 0;
-    return (1 - kd) * specular + kd;
+    return specular_weight(surface, channel) * specular + surface->diffuse[channel];
 }

@@ -73,6 +73,7 @@ struct job {
  */
 static double direction_error(const struct job *job, size_t i)
 {
+    if (job->surface.is_lambert) return 0;
     const facet_roughness *r = &job->surface.facet.roughness;
     double lean = fabs(r->slope_x) + fabs(r->slope_y), z = fabs(job->from[2][i]);
     double c = job->from[2][i] - job->from[0][i] * r->slope_x - job->from[1][i] * r->slope_y;
@@ -95,8 +96,10 @@ static void add_diffuse(const struct job *job, facet_albedo_value *albedo)
         albedo->value[c] = api_diffuse_albedo(&job->surface, c, albedo->value[c]);
 }
 
-static bool compute(struct call *call, struct job *job)
+/* Of the specular part; a Lambert surface has none, and what it reflects is known. */
+static facet_status integrate(struct call *call, struct job *job)
 {
+    if (job->surface.is_lambert) return FACET_OK;
     struct api_trace *trace = &call->response->trace;
     double tolerance = isnan(job->in->accuracy.tolerance) ? TOLERANCE_DEFAULT : job->in->accuracy.tolerance;
     size_t each = job->count ? LIMIT_ALBEDO_EVALUATIONS / job->count : 0, spent = 0, mean = 0;
@@ -115,6 +118,12 @@ static bool compute(struct call *call, struct job *job)
         status = facet_albedo_average(&job->surface.facet, &options, &job->mean, &mean);
     trace->compute_us += api_clock() - start;
     trace->evaluations += spent + mean;
+    return status;
+}
+
+static bool compute(struct call *call, struct job *job)
+{
+    facet_status status = integrate(call, job);
     if (status) return api_problem_status(call->problem, status, NULL);
     for (size_t i = 0; i < job->count; i++) {
         double z = job->from[2][i];

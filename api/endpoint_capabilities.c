@@ -48,12 +48,12 @@ static const char *const quantity_names[] = {
 #define F(type, member) MEMBER(struct type, member)
 
 static const struct field model_fields[] = {
-    {F(model, ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes"},
+    {F(model, ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes; lambert has none"},
     {F(model, sampler), FIELD_TEXT, .doc = "how it is sampled unless asked otherwise, if it can be"},
     {F(model, samplers), FIELD_SET, .names = api_sampler_names,
      .doc = "all the ways it can be sampled, if it can be"},
-    {F(model, masking), FIELD_SET, FIELD_MUST, .names = api_masking_names, .doc = "maskings"},
-    {F(model, shear), FIELD_SET, FIELD_MUST, .names = api_shear_names, .doc = "forms of shear"},
+    {F(model, masking), FIELD_SET, .names = api_masking_names, .doc = "maskings, of microfacets"},
+    {F(model, shear), FIELD_SET, .names = api_shear_names, .doc = "forms of shear, of microfacets"},
     {F(model, transmission), FIELD_BOOL, FIELD_MUST,
      .doc = "also as a rough dielectric with transmission: precise, smith maskings, energy_safe, "
             "visible normals"},
@@ -119,17 +119,19 @@ static uint32_t all_of(const char *const *names)
 
 static bool list_models(struct call *call, struct list *out)
 {
-    struct model *models = api_arena_array(call->arena, FACET_NDF_COUNT, sizeof *models);
+    enum { COUNT = NDF_LAMBERT + 1 };
+    struct model *models = api_arena_array(call->arena, COUNT, sizeof *models);
     if (!models) return api_problem_memory(call->problem);
-    for (int i = 0; i < FACET_NDF_COUNT; i++) {
-        facet_sampler best = facet_sampler_auto((facet_ndf)i);
+    for (int i = 0; i < COUNT; i++) {
+        bool has_facets = i < FACET_NDF_COUNT;
+        facet_sampler best = api_sampler_auto(i);
         models[i] = (struct model){api_ndf_names[i],
                                    best == FACET_SAMPLER_AUTO ? NULL : api_sampler_names[best],
-                                   api_samplers((facet_ndf)i), all_of(api_masking_names),
-                                   all_of(api_shear_names),
-                                   facet_bsdf_sampler_serves(FACET_SAMPLER_AUTO, (facet_ndf)i)};
+                                   api_samplers(i), has_facets ? all_of(api_masking_names) : 0,
+                                   has_facets ? all_of(api_shear_names) : 0,
+                                   has_facets && facet_bsdf_sampler_serves(FACET_SAMPLER_AUTO, (facet_ndf)i)};
     }
-    *out = (struct list){FACET_NDF_COUNT, models};
+    *out = (struct list){COUNT, models};
     return true;
 }
 

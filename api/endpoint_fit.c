@@ -5,6 +5,7 @@
 #include "export.h"
 #include "facet_fit.h"
 #include "fit_answer.h"
+#include "lambert.h"
 #include "material.h"
 #include "measurement.h"
 #include "picture.h"
@@ -81,6 +82,7 @@ static bool open_material(struct call *call, struct surface *surface, struct mea
     struct decoder decoder = {call->arena, call->problem};
     struct place place = {NULL, "source", 0};
     if (!api_material_open(in->source, &place, &decoder, surface) ||
+        !api_lambert_refuse(in->source, &place, "has no microfacets to fit", call->problem) ||
         !api_transmission_refuse(in->source, &place, "is not fitted", call->problem))
         return false;
     const facet_roughness *r = &surface->facet.roughness;

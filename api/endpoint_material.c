@@ -18,8 +18,8 @@ struct ellipse {
 
 struct material_response {
     const char *ndf;
-    struct bivariate bivariate;
-    struct ellipse ellipse;
+    struct bivariate *bivariate;
+    struct ellipse *ellipse;
     struct numbers mean_slope, mean_normal, moments;
     bool isotropic, central, coloured, transmission;
     struct list clamped;
@@ -60,10 +60,10 @@ static const struct field clamped_fields[] = {
 #define O(member) MEMBER(struct material_response, member)
 
 static const struct field response_fields[] = {
-    {O(ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes"},
-    {O(bivariate), FIELD_OBJECT, FIELD_MUST, .fields = bivariate_fields,
+    {O(ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes; lambert has none, and no roughness"},
+    {O(bivariate), FIELD_OPTION, .fields = bivariate_fields, .size = sizeof(struct bivariate),
      .doc = "roughness along x and y"},
-    {O(ellipse), FIELD_OBJECT, FIELD_MUST, .fields = ellipse_fields,
+    {O(ellipse), FIELD_OPTION, .fields = ellipse_fields, .size = sizeof(struct ellipse),
      .doc = "roughness along the principal axes"},
     {O(moments), FIELD_NUMBERS, .min_items = 5, .max_items = 5,
      .doc = "beckmann: E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes"},
@@ -90,18 +90,28 @@ static bool numbers(struct call *call, const double *values, size_t n, struct nu
     return true;
 }
 
+static bool describe_roughness(struct call *call, const facet_roughness *r)
+{
+    struct material_response *out = call->out;
+    facet_ellipse e = facet_roughness_to_ellipse(r);
+    out->bivariate = api_arena_alloc(call->arena, sizeof *out->bivariate);
+    out->ellipse = api_arena_alloc(call->arena, sizeof *out->ellipse);
+    if (!out->bivariate || !out->ellipse) return api_problem_memory(call->problem);
+    *out->bivariate = (struct bivariate){r->alpha_x, r->alpha_y, r->rho};
+    *out->ellipse = (struct ellipse){e.alpha_1, e.alpha_2, e.phi};
+    return true;
+}
+
 static bool describe(struct call *call, const struct surface *surface, const struct material *in)
 {
     struct material_response *out = call->out;
     const facet_roughness *r = &surface->facet.roughness;
-    facet_ellipse e = facet_roughness_to_ellipse(r);
     double x = r->slope_x, y = r->slope_y, length = sqrt(1 + x * x + y * y);
     double moments[] = {x, y, r->alpha_x * r->alpha_x / 2 + x * x,
                         r->alpha_y * r->alpha_y / 2 + y * y,
                         r->rho * r->alpha_x * r->alpha_y / 2 + x * y};
     out->ndf = api_ndf_names[in->ndf];
-    out->bivariate = (struct bivariate){r->alpha_x, r->alpha_y, r->rho};
-    out->ellipse = (struct ellipse){e.alpha_1, e.alpha_2, e.phi};
+    if (!surface->is_lambert && !describe_roughness(call, r)) return false;
     out->isotropic = r->alpha_x == r->alpha_y && r->rho == 0;
     out->central = x == 0 && y == 0;
     out->coloured = surface->channels == 3;

@@ -119,9 +119,9 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
     const struct job *job = asked_;
     bool promised = job->surface.bsdf
                         ? api_transmission_sample_bound(&job->surface, tier, job->sampler, job->is_dense, job->input_error, bound)
-                        : facet_sample_bound(job->surface.brdf, tier, job->sampler, job->input_error, bound);
+                        : api_surface_sample_bound(&job->surface, tier, job->sampler, job->input_error, bound);
     if (!promised) return false;
-    *bound += job->surface.parameter_error + api_surface_sample_error(&job->surface, tier, job->sampler);
+    *bound += job->surface.parameter_error;
     *bound = api_represented(&job->representation, *bound);
     return true;
 }

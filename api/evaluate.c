@@ -1,6 +1,7 @@
 #include "evaluate_job.h"
 
 #include "diffuse.h"
+#include "lambert.h"
 #include "limits.h"
 #include "transmission.h"
 
@@ -36,6 +37,8 @@ static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity 
 {
     const facet_brdf *brdf = job->surface.brdf;
     double error = job->input_error;
+    *bound = error; /* a product of the cosine, at most */
+    if (job->surface.is_lambert) return true;
     if (job->surface.bsdf) return api_transmission_bound(&job->surface, tier, quantity, error, bound);
     if (quantity != FACET_PDF)
         return are_floats(job) ? facet_bound_float(brdf, tier, quantity, error, bound)
@@ -155,7 +158,8 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     if (!job) return api_problem_memory(call->problem);
     job->evaluation = evaluation;
     if (!api_pairs(evaluation->pairs, &decoder, &job->pairs) ||
-        !api_material_open(evaluation->material, &material, &decoder, &job->surface))
+        !api_material_open(evaluation->material, &material, &decoder, &job->surface) ||
+        !api_lambert_check_outputs(evaluation->material, evaluation->outputs, call->problem))
         return false;
     job->channels = api_channels(evaluation->channels, job->surface.channels, call->problem);
     if (!job->channels ||

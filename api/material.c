@@ -1,6 +1,7 @@
 #include "material.h"
 
 #include "facet_table.h"
+#include "lambert.h"
 #include "limits.h"
 #include "transmission.h"
 
@@ -8,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-const char *const api_ndf_names[] = {"ggx", "beckmann", "tabulated", NULL};
+const char *const api_ndf_names[] = {"ggx", "beckmann", "tabulated", "lambert", NULL};
 const char *const api_masking_names[] = {"smith", "smith_uncorrelated", "vgroove", "none", NULL};
 const char *const api_shear_names[] = {"energy_safe", "thesis", NULL};
 
@@ -119,7 +120,8 @@ static const struct field slopes_fields[] = {
 #define M(member) MEMBER(struct material, member)
 
 const struct field api_material_fields[] = {
-    {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names, .doc = "distribution of slopes"},
+    {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names,
+     .doc = "distribution of slopes; lambert has none"},
     {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes),
      .doc = "the table of a tabulated distribution, as a fit returns it"},
     {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness; 1 for tabulated by default"},
@@ -152,6 +154,8 @@ const struct field api_material_fields[] = {
     {M(diffuse), FIELD_COLOUR, .min = 0, .max = 1,
      .doc = "kd of a diffuse part: fr = (1 - kd) specular + kd/pi (Dupuy 5.4), sampled by mixing "
             "cosine samples in; 0 by default"},
+    {M(reflectance), FIELD_COLOUR, .min = 0, .max = 1,
+     .doc = "of ndf lambert, which has no other member: fr = reflectance/pi"},
     {M(transmission), FIELD_BOOL, FIELD_DEFAULT,
      .doc = "rough dielectric: wi and wo may lie below, where the index is eta (Walter et al. 2007); ggx or "
             "beckmann, smith maskings, one eta"},
@@ -215,6 +219,7 @@ bool api_roughness_check(const struct material *m, const struct place *place,
 bool api_material_check(void *material, const struct place *place, struct decoder *decoder)
 {
     const struct material *m = material;
+    if (m->ndf == NDF_LAMBERT || m->reflectance.channels) return api_lambert_check(m, place, decoder);
     struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0};
     if (m->ndf == FACET_TABULATED && !m->slopes)
         return api_problem_at(decoder->problem, &slopes, "is required with ndf \"tabulated\"");
@@ -358,12 +363,14 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
 }
 
 /* A coloured diffuse part makes a specular one of one channel into three alike. */
-static void open_diffuse(const struct colour *diffuse, struct surface *surface)
+static void open_diffuse(const struct material *material, struct surface *surface)
 {
+    const struct colour *diffuse = surface->is_lambert ? &material->reflectance : &material->diffuse;
     facet_fresnel *f = &surface->facet.fresnel;
     if (diffuse->channels == 0) return;
     spread(diffuse, surface->diffuse);
-    surface->has_diffuse = fmax(surface->diffuse[0], fmax(surface->diffuse[1], surface->diffuse[2])) > 0;
+    surface->has_diffuse =
+        surface->is_lambert || fmax(surface->diffuse[0], fmax(surface->diffuse[1], surface->diffuse[2])) > 0;
     if (diffuse->channels == 1 || f->channels == 3) return;
     f->channels = 3;
     for (int c = 1; c < 3; c++) {
@@ -379,13 +386,14 @@ bool api_material_open(const struct material *material, const struct place *plac
 {
     *surface = (struct surface){0};
     facet_material *facet = &surface->facet;
-    facet->ndf = (facet_ndf)material->ndf;
+    surface->is_lambert = material->ndf == NDF_LAMBERT;
+    facet->ndf = surface->is_lambert ? FACET_GGX : (facet_ndf)material->ndf;
     facet->masking = (facet_masking)material->masking;
     facet->shear = (facet_shear)material->shear;
     if (!open_roughness(material, place, decoder, surface)) return false;
     if (!open_fresnel(&material->fresnel, decoder, &facet->fresnel)) return false;
     if (material->slopes && !open_slopes(material->slopes, place, decoder, facet)) return false;
-    open_diffuse(&material->diffuse, surface);
+    open_diffuse(material, surface);
     surface->channels = facet->fresnel.channels;
     facet_status status = facet_brdf_create(facet, &surface->brdf);
     if (status) return api_problem_status(decoder->problem, status, place);

@@ -39,6 +39,9 @@ struct fresnel {
     struct fresnel_table *table;
 };
 
+/* Of `ndf`, beside lib's: no distribution of slopes at all. */
+enum { NDF_LAMBERT = FACET_NDF_COUNT };
+
 /* As sent, and as printed back: absent members as field.h says. */
 struct material {
     int ndf;
@@ -54,6 +57,7 @@ struct material {
     int masking, shear;
     struct fresnel fresnel;
     struct colour diffuse; /* kd */
+    struct colour reflectance; /* of ndf lambert */
     bool transmission;
     int transport;         /* a facet_transport */
 };
@@ -79,7 +83,8 @@ struct surface {
     facet_bsdf *bsdf; /* of both sides, with transmission; else NULL */
     size_t channels; /* of coloured quantities: 1 or 3 */
     bool has_diffuse;
-    double diffuse[3]; /* kd of each channel; evaluate and sample by diffuse.h */
+    bool is_lambert;   /* the diffuse part is all: facet and brdf stand for nothing, with weight 0 */
+    double diffuse[3]; /* kd, or reflectance, of each channel; evaluate and sample by diffuse.h */
     /*
      * What rounding in parameters that the service computes (ellipse, moments) adds
      * to the relative error of every quantity; add it to facet_bound's.

@@ -38,7 +38,7 @@ bool api_base_check(void *object, const struct place *place, struct decoder *dec
 {
     const struct material *base = object;
     const struct place ndf = {place, "ndf", 0};
-    if (base->ndf == FACET_TABULATED)
+    if (base->ndf != FACET_BECKMANN && base->ndf != FACET_GGX)
         return api_problem_at(decoder->problem, &ndf, "of a base must be \"beckmann\" or \"ggx\"");
     return api_roughness_check(base, place, decoder);
 }

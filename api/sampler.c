@@ -8,34 +8,44 @@ const char *const api_sampler_names[] = {
 #define NAME(id, name) name,
     FACET_SAMPLER_MAP(NAME)
 #undef NAME
-    NULL,
+        NULL,
 };
 
-uint32_t api_samplers(facet_ndf ndf)
+facet_sampler api_sampler_auto(int ndf)
 {
-    uint32_t set = 0;
-    for (int i = FACET_SAMPLER_AUTO + 1; i < FACET_SAMPLER_COUNT; i++)
-        if (facet_sampler_serves((facet_sampler)i, ndf)) set |= UINT32_C(1) << i;
-    return set;
+    return ndf == NDF_LAMBERT ? FACET_SAMPLER_COSINE : facet_sampler_auto((facet_ndf)ndf);
 }
 
 static bool serves(facet_sampler method, const struct material *material)
 {
     facet_ndf ndf = (facet_ndf)material->ndf;
-    return material->transmission ? facet_bsdf_sampler_serves(method, ndf) : facet_sampler_serves(method, ndf);
+    if (material->ndf == NDF_LAMBERT) return method == FACET_SAMPLER_COSINE;
+    return material->transmission ? facet_bsdf_sampler_serves(method, ndf)
+                                  : facet_sampler_serves(method, ndf);
 }
 
-bool api_sampler(int sampler, const struct material *material, struct problem *problem, facet_sampler *method)
+uint32_t api_samplers(int ndf)
+{
+    const struct material material = {.ndf = ndf};
+    uint32_t set = 0;
+    for (int i = FACET_SAMPLER_AUTO + 1; i < FACET_SAMPLER_COUNT; i++)
+        if (serves((facet_sampler)i, &material)) set |= UINT32_C(1) << i;
+    return set;
+}
+
+bool api_sampler(int sampler, const struct material *material, struct problem *problem,
+                 facet_sampler *method)
 {
     struct place at = {NULL, "sampler", 0};
     *method = (facet_sampler)sampler;
-    if (sampler == FACET_SAMPLER_AUTO) *method = facet_sampler_auto((facet_ndf)material->ndf);
+    if (sampler == FACET_SAMPLER_AUTO) *method = api_sampler_auto(material->ndf);
     if (sampler == FACET_SAMPLER_AUTO || serves(*method, material)) return true;
     char list[128];
     size_t used = (size_t)snprintf(list, sizeof list, "auto");
     for (int i = FACET_SAMPLER_AUTO + 1; i < FACET_SAMPLER_COUNT; i++)
         if (serves((facet_sampler)i, material))
             used += (size_t)snprintf(list + used, sizeof list - used, ", %s", api_sampler_names[i]);
-    return api_problem_at(problem, &at, "\"%s\" does not sample %s, which has: %s", api_sampler_names[sampler],
-                          material->transmission ? "transmission" : api_ndf_names[material->ndf], list);
+    return api_problem_at(
+        problem, &at, "\"%s\" does not sample %s, which has: %s", api_sampler_names[sampler],
+        material->transmission ? "transmission" : api_ndf_names[material->ndf], list);
 }

@@ -14,17 +14,22 @@ extern const char *const api_sampler_names[];
     {                                                                                              \
         MEMBER(type_, sampler), FIELD_ENUM, FIELD_DEFAULT,                                         \
             .names = api_sampler_names,                                                            \
-            .doc = role_ "; visible normals: caps (ggx), bounded (ggx; caps without most of what "  \
-                         "falls below the horizon), slope (ggx, beckmann), table; vcavity (ggx, "   \
-                         "beckmann): those of V-cavities; ndf: all normals; cosine: of wi; auto: "  \
-                         "caps for ggx, slope for beckmann, table for tabulated; with "             \
-                         "transmission auto, caps and slope"                                        \
+            .doc =                                                                                 \
+                role_ "; visible normals: caps (ggx), bounded (ggx; caps without most of what "    \
+                      "falls below the horizon), slope (ggx, beckmann), table; vcavity (ggx, "     \
+                      "beckmann): those of V-cavities; ndf: all normals; cosine: of wi; auto: "    \
+                      "caps for ggx, slope for beckmann, table for tabulated, cosine, the only "   \
+                      "one, for lambert; with "                                                    \
+                      "transmission auto, caps and slope"                                          \
     }
 
-/* The methods that sample this distribution, a bit each; AUTO is not among them. */
-uint32_t api_samplers(facet_ndf ndf);
+/* The methods that sample this ndf of a material, a bit each; AUTO is not among them. */
+uint32_t api_samplers(int ndf);
+/* What AUTO stands for; AUTO itself where there is nothing. */
+facet_sampler api_sampler_auto(int ndf);
 
 /* The method asked for, AUTO resolved; false and a 422 that lists those of this material. */
-bool api_sampler(int sampler, const struct material *material, struct problem *problem, facet_sampler *method);
+bool api_sampler(int sampler, const struct material *material, struct problem *problem,
+                 facet_sampler *method);
 
 #endif

@@ -119,7 +119,7 @@ TEST(bad_materials)
 {
     static const char *const cases[][2] = {
         {"{}", "/material"},
-        {"{\"ndf\":\"lambert\",\"alpha\":1}", "/material/ndf"},
+        {"{\"ndf\":\"lambertian\",\"alpha\":1}", "/material/ndf"},
         {"{\"alpha\":-1}", "/material/alpha"},
         {"{\"alpha\":0}", "/material/alpha"},
         {"{\"alpha\":0.3,\"diffuse\":1.5}", "/material/diffuse"},
