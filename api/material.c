@@ -137,8 +137,8 @@ const struct field api_material_fields[] = {
      .doc = "E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; beckmann; carries the mean slope"},
     {M(height_scale), FIELD_NUMBER, .min = -1e12, .max = 1e12,
      .doc = "multiplies the heights whose moments are given; 1 by default"},
-    {M(jacobian), FIELD_NUMBERS, .min = -1e12, .max = 1e12, .min_items = 4, .max_items = 4,
-     .doc = "du/dx, du/dy, dv/dx, dv/dy: stretch and shear of the map whose moments along u and v "
+    {M(jacobian), FIELD_VECTORS, .width = 2, .min = -1e12, .max = 1e12, .min_items = 2, .max_items = 2,
+     .doc = "[[du/dx, du/dy], [dv/dx, dv/dy]]: stretch and shear of the map whose moments along u and v "
             "are given (Dupuy section 3.4); identity by default"},
     {M(base), FIELD_OPTION, .fields = api_base_fields, .size = sizeof(struct material),
      .check = api_base_check,
