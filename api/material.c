@@ -131,7 +131,7 @@ const struct field api_material_fields[] = {
      .doc = "correlation of the slopes, with alpha_x and alpha_y; 0 by default"},
     {M(alpha_1), FIELD_NUMBER, ALPHA, .doc = "roughness along the first axis, with alpha_2"},
     {M(alpha_2), FIELD_NUMBER, ALPHA, .doc = "roughness along the second axis, with alpha_1"},
-    {M(phi), FIELD_NUMBER, .min = -100, .max = 100, .unit = "rad",
+    {M(phi), FIELD_NUMBER, .min = -FACET_PHI_MAX, .max = FACET_PHI_MAX, .unit = "rad",
      .doc = "the first axis lies at -phi (Dupuy 2.25), with alpha_1 and alpha_2; 0 by default"},
     {M(moments), FIELD_NUMBERS, .min = -1e12, .max = 1e12, .min_items = 5, .max_items = 5,
      .doc = "E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; beckmann; carries the mean slope"},
@@ -237,6 +237,11 @@ double api_slope_gain(facet_ndf ndf)
     return ndf == FACET_GGX ? 8 : 304;
 }
 
+double api_rounding_error(facet_ndf ndf)
+{
+    return api_slope_gain(ndf) * (DBL_EPSILON / 2);
+}
+
 static bool open_ellipse(const struct material *m, const struct place *place,
                          struct decoder *decoder, struct surface *surface)
 {
@@ -245,10 +250,7 @@ static bool open_ellipse(const struct material *m, const struct place *place,
     struct place at = {place, "alpha_1", 0};
     facet_status status = facet_roughness_from_ellipse(&ellipse, r->slope_x, r->slope_y, r);
     if (status) return api_problem_status(decoder->problem, status, &at);
-    /* At phi = 0 the ellipse is the axes, exactly.  Else alpha: 4 roundings, rho: 17; as above. */
-    if (ellipse.phi != 0)
-        surface->parameter_error =
-            api_slope_gain(surface->facet.ndf) * 20 * DBL_EPSILON / ((1 - r->rho) * (1 + r->rho));
+    if (r->low.alpha_x != 0) surface->parameter_error = api_rounding_error(surface->facet.ndf);
     return true;
 }
 

@@ -102,6 +102,8 @@ bool api_material_open(const struct material *material, const struct place *plac
  * below the floor) has 2 t.  A table may be as steep as Beckmann.
  */
 double api_slope_gain(facet_ndf ndf);
+/* The same of a computed roughness that keeps its lows (facet.h): alpha_x is rounded, the others follow it. */
+double api_rounding_error(facet_ndf ndf);
 
 /* material_process.c: moments with height_scale and jacobian, and a base below; Beckmann.  Roughness
  * and mean slope of the surface alone are there already unless it has moments. */

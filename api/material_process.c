@@ -27,7 +27,7 @@ const struct field api_base_fields[] = {
      .doc = "correlation of the slopes, with alpha_x and alpha_y; 0 by default"},
     {M(alpha_1), FIELD_NUMBER, ALPHA, .doc = "roughness along the first axis, with alpha_2"},
     {M(alpha_2), FIELD_NUMBER, ALPHA, .doc = "roughness along the second axis, with alpha_1"},
-    {M(phi), FIELD_NUMBER, .min = -100, .max = 100, .unit = "rad",
+    {M(phi), FIELD_NUMBER, .min = -FACET_PHI_MAX, .max = FACET_PHI_MAX, .unit = "rad",
      .doc = "the first axis lies at -phi, with alpha_1 and alpha_2; 0 by default"},
     {M(mean_slope), FIELD_NUMBERS, .min = -FACET_MEAN_SLOPE_MAX, .max = FACET_MEAN_SLOPE_MAX,
      .min_items = 2, .max_items = 2, .doc = "mean slope along x and y; [0,0] by default"},
@@ -99,9 +99,10 @@ static void from_roughness(const facet_roughness *r, struct process *p)
     p->terms = absolute(&p->c);
 }
 
-static bool is_alpha(double alpha)
+/* Covariances are doubles: where a roughness has lows, its three parameters count as rounded. */
+static double lost_by(const facet_roughness *r)
 {
-    return alpha >= FACET_ALPHA_MIN && alpha <= FACET_ALPHA_MAX;
+    return r->low.alpha_x != 0 || r->low.alpha_y != 0 || r->low.rho != 0 ? 2 : 0;
 }
 
 /*
@@ -119,19 +120,15 @@ static bool set_roughness(const struct process *p, double rounds, const struct p
             decoder->problem, at,
             "the covariance [[%.6g, %.6g], [%.6g, %.6g]] is not positive definite", c->xx, c->xy,
             c->xy, c->yy);
-    facet_roughness *r = &surface->facet.roughness;
-    *r = (facet_roughness){sqrt(2 * c->xx), sqrt(2 * c->yy), c->xy / sqrt(c->xx * c->yy), p->x,
-                           p->y};
-    if (!is_alpha(r->alpha_x) || !is_alpha(r->alpha_y) || fabs(r->rho) > FACET_RHO_MAX)
-        return api_problem_at(decoder->problem, at,
-                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", r->alpha_x,
-                              r->alpha_y, r->rho);
-    if (fabs(p->x) > FACET_MEAN_SLOPE_MAX || fabs(p->y) > FACET_MEAN_SLOPE_MAX)
+    facet_status status = facet_roughness_from_covariance(c, p->x, p->y, &surface->facet.roughness);
+    if (status == FACET_BAD_MEAN_SLOPE)
         return api_problem_at(decoder->problem, at, "the mean slope [%.6g, %.6g] is out of range",
                               p->x, p->y);
-    /* alpha: 1.5 roundings; rho: 4.5, which 1/kappa + 1/kappa^2 <= 2/(1 - rho^2) carries to
-     * slopes. */
-    surface->parameter_error += gain * 6 * DBL_EPSILON * (c->xx * c->yy / det);
+    if (status)
+        return api_problem_at(decoder->problem, at,
+                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", sqrt(2 * c->xx),
+                              sqrt(2 * c->yy), c->xy / sqrt(c->xx) / sqrt(c->yy));
+    surface->parameter_error += api_rounding_error(FACET_BECKMANN);
     if (rounds == 0) return true;
     const double spread = (s->xx * c->yy + s->yy * c->xx + 2 * s->xy * fabs(c->xy)) / det;
     const double minor = sqrt(2 * det / (c->xx + c->yy)); /* below the smaller alpha */
@@ -147,10 +144,13 @@ bool api_process_open(const struct material *m, const facet_roughness *base,
     struct process p;
     double rounds = 0;
     if (m->moments.values) {
+        const double *mean = m->moments.values;
         from_moments(m, &p);
-        if (m->jacobian.values || !isnan(m->height_scale)) rounds = 4;
+        if (mean[0] != 0 || mean[1] != 0) rounds += 1; /* E3 - E1^2 and so on, rounded */
+        if (m->jacobian.values || !isnan(m->height_scale)) rounds += 4;
     } else {
         from_roughness(&surface->facet.roughness, &p);
+        rounds += lost_by(&surface->facet.roughness);
     }
     if (m->base) {
         struct process b;
@@ -161,6 +161,7 @@ bool api_process_open(const struct material *m, const facet_roughness *base,
             surface->note = "the GGX base enters as the Beckmann roughness nearest to it";
         }
         from_roughness(&r, &b);
+        rounds += lost_by(&r);
         p.c = sum_of(&p.c, &b.c);
         p.terms = sum_of(&p.terms, &b.terms);
         p.x += b.x;

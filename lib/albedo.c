@@ -11,6 +11,7 @@
 
 #include "albedo_ray.h"
 #include "integrate.h"
+#include "roughness.h"
 #include "slope_table.h"
 
 #include <float.h>
@@ -422,12 +423,12 @@ static facet_status set_up(struct albedo *a, const facet_material *m, const face
     facet_status status = facet_brdf_create(m, &a->brdf);
     if (!status) status = facet_brdf_create(&standard, &a->standard);
     if (status) return status;
-    double kappa = sqrt((1 - r->rho) * (1 + r->rho));
+    const struct roughness_form form = facet_roughness_form(r);
     a->material = *m;
     facet_ellipse e = facet_roughness_to_ellipse(r);
-    a->surface = (struct albedo_surface){ *r, kappa * r->alpha_y, r->rho * r->alpha_y, e.alpha_1,
+    a->surface = (struct albedo_surface){ *r, form.conditional.hi, form.correlated.hi, e.alpha_1,
                                           e.alpha_1 > 1, e.alpha_1 > 4 * e.alpha_2, options->tolerance < 1e-5 };
-    a->det = r->alpha_x * r->alpha_y * kappa;
+    a->det = r->alpha_x * form.conditional.hi;
     a->scale = m->ndf == FACET_TABULATED ? m->table->view.slope_scale : 1;
     a->channels = m->fresnel.channels;
     a->watch = options->watch;

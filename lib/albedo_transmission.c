@@ -196,7 +196,7 @@ static facet_status open_walk(const facet_bsdf *b, const facet_albedo_options *o
     facet_ellipse e = facet_roughness_to_ellipse(r);
     w->bsdf = b;
     w->watch = options->watch;
-    w->surface = (struct albedo_surface){ *r, b->ideal->surface.kappa_alpha_y, r->rho * r->alpha_y, e.alpha_1,
+    w->surface = (struct albedo_surface){ *r, b->ideal->surface.kappa_alpha_y, b->ideal->surface.rho_alpha_y, e.alpha_1,
                                           e.alpha_1 > 1, e.alpha_1 > 4 * e.alpha_2, options->tolerance < 1e-5 };
     w->half = b->ideal->shape == KERNEL_ISO;
     return facet_brdf_create(&standard, &w->standard);

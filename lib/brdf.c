@@ -1,7 +1,7 @@
 /* brdf.c - from a material to prepared constants: checks, and what the kernels need once. */
 #include "brdf.h"
 
-#include "double_double.h"
+#include "roughness.h"
 #include "slope_table.h"
 
 #include <math.h>
@@ -72,14 +72,13 @@ static struct kernel_surface prepare(const facet_material *m)
 {
     const facet_roughness *r = &m->roughness;
     const long double pi = 3.14159265358979323846264338327950288L;
-    struct pair alpha_x = { r->alpha_x, 0 }, alpha_y = { r->alpha_y, 0 }, rho = { r->rho, 0 };
-    struct pair kappa = pair_square_root(pair_product(pair_sum(1, -r->rho), pair_sum(1, r->rho)));
-    struct pair correlated = pair_product(rho, alpha_y), conditional = pair_product(kappa, alpha_y);
-    struct pair det = pair_product(alpha_x, conditional);
+    const struct roughness_form form = facet_roughness_form(r);
+    struct pair correlated = form.correlated, conditional = form.conditional;
+    struct pair det = pair_product((struct pair){ form.alpha_x, 0 }, conditional);
     /* Rounded once each. */
     long double whole = (long double)det.hi + det.lo, scaled_y = (long double)conditional.hi + conditional.lo;
     return (struct kernel_surface){
-        .alpha_x = r->alpha_x,
+        .alpha_x = form.alpha_x,
         .rho_alpha_y = correlated.hi,
         .rho_alpha_y_low = correlated.lo,
         .kappa_alpha_y = conditional.hi,

@@ -40,6 +40,7 @@ extern "C" {
     X(OK, "success")                                                            \
     X(NO_MEMORY, "out of memory")                                               \
     X(BAD_ALPHA, "alpha_x and alpha_y must lie in [1e-8, 1e4]")                 \
+    X(BAD_PHI, "phi must lie in [-100, 100]")                                   \
     X(BAD_RHO, "rho must lie in [-1 + 1e-12, 1 - 1e-12]")                       \
     X(BAD_MEAN_SLOPE, "the components of mean_slope must lie in [-1e6, 1e6]")   \
     X(BAD_FRESNEL, "a Fresnel parameter is out of range")                       \
@@ -64,6 +65,7 @@ const char *facet_status_text(facet_status status);
 #define FACET_ALPHA_MIN 1e-8
 #define FACET_ALPHA_MAX 1e4
 #define FACET_RHO_MAX (1 - 1e-12)
+#define FACET_PHI_MAX 100.0
 #define FACET_MEAN_SLOPE_MAX 1e6
 #define FACET_ETA_MIN 1e-3 /* relative index of refraction, also of conductors */
 #define FACET_ETA_MAX 1e3
@@ -76,11 +78,17 @@ typedef enum facet_ndf { FACET_GGX, FACET_BECKMANN, FACET_TABULATED, FACET_NDF_C
  * surface's slopes (Dupuy eqs. 2.26 and 3.2):
  *   x~ = alpha_x x + slope_x,  y~ = alpha_y (rho x + sqrt(1-rho^2) y) + slope_y.
  * A mean slope of (0, 0) is a central surface.
+ *
+ * low: what the doubles lack, 0 where they are the caller's own.  Of a thin ellipse 1 - rho^2
+ * cancels; with their lows the three hold it to 1e-19.
  */
 typedef struct facet_roughness {
     double alpha_x, alpha_y; /* slope scale, in [FACET_ALPHA_MIN, FACET_ALPHA_MAX] */
     double rho;              /* slope correlation, |rho| <= FACET_RHO_MAX */
     double slope_x, slope_y; /* mean slope, each |.| <= FACET_MEAN_SLOPE_MAX */
+    struct {
+        double alpha_x, alpha_y, rho;
+    } low;
 } facet_roughness;
 
 /*
@@ -89,7 +97,7 @@ typedef struct facet_roughness {
  */
 typedef struct facet_ellipse {
     double alpha_1, alpha_2; /* slope scale along the principal axes, > 0 */
-    double phi;              /* radians */
+    double phi;              /* radians, |phi| <= FACET_PHI_MAX */
 } facet_ellipse;
 
 facet_status facet_roughness_check(const facet_roughness *roughness);

@@ -54,6 +54,9 @@ typedef struct facet_covariance {
 /* E3 - E1^2 and so on, one rounding each (fma): what E3 itself lost is all that is missing. */
 facet_covariance facet_covariance_from_moments(const facet_moments *moments);
 facet_covariance facet_covariance_from_roughness(const facet_roughness *roughness);
+/* The Beckmann roughness of a positive covariance, with its lows; BAD_ALPHA, BAD_RHO where out of range. */
+facet_status facet_roughness_from_covariance(const facet_covariance *covariance, double slope_x,
+                                             double slope_y, facet_roughness *roughness);
 /* The larger eigenvalue: half the square of the larger principal alpha. */
 double facet_covariance_largest(const facet_covariance *covariance);
 

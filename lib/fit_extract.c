@@ -22,7 +22,7 @@ enum { QUADRATURE_MIN = 90, TURN_RADII = 45, TURN_AZIMUTHS = 90 };
 static facet_material tabulated(const struct fit_work *work, const facet_slope_table *table)
 {
     facet_material material = {.ndf = FACET_TABULATED,
-                               .roughness = {1, 1, 0, 0, 0},
+                               .roughness = {.alpha_x = 1, .alpha_y = 1},
                                .masking = work->options->masking,
                                .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1},
                                .table = table};

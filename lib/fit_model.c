@@ -35,7 +35,7 @@ facet_material facet_fit_model_material(const struct fit_model *model)
     double rho = model->anisotropic ? tanh(model->shape[2]) : 0;
     if (model->ndf == FACET_TABULATED && !model->anisotropic) ax = ay = 1;
     return (facet_material){.ndf = model->ndf,
-                            .roughness = {ax, ay, rho, 0, 0},
+                            .roughness = {.alpha_x = ax, .alpha_y = ay, .rho = rho},
                             .masking = model->masking,
                             .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1},
                             .table = model->table};

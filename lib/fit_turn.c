@@ -217,7 +217,7 @@ facet_roughness facet_fit_turn_roughness(const struct fit_turn *turn, facet_ndf 
     double xy = (square[1] - square[3]) / 2;
     xx = fmax(xx, 1e-3 * mean), yy = fmax(yy, 1e-3 * mean);
     double ax = sqrt(xx), ay = sqrt(yy), rho = fmax(-0.99, fmin(0.99, xy / (ax * ay)));
-    return (facet_roughness){ax, ay, rho, 0, 0};
+    return (facet_roughness){.alpha_x = ax, .alpha_y = ay, .rho = rho};
 }
 
 /* ---- Table ------------------------------------------------------------------------------------ */

@@ -38,12 +38,20 @@ static quad beckmann_psi(quad w)
     return sum / sqrtq(M_PIq);
 }
 
+struct reference_roughness reference_roughness(const facet_roughness *r)
+{
+    quad rho = (quad)r->rho + r->low.rho;
+    return (struct reference_roughness){(quad)r->alpha_x + r->low.alpha_x, (quad)r->alpha_y + r->low.alpha_y, rho,
+                                        sqrtq(1 - rho * rho)};
+}
+
 struct reference_view reference_project(const facet_roughness *m, const quad k[3])
 {
     struct reference_view v;
-    quad x = k[0], y = k[1], z = k[2], rho = m->rho;
-    v.a = m->alpha_x * x + rho * m->alpha_y * y;
-    v.b = m->alpha_y * sqrtq(1 - rho * rho) * y;
+    struct reference_roughness r = reference_roughness(m);
+    quad x = k[0], y = k[1], z = k[2];
+    v.a = r.alpha_x * x + r.rho * r.alpha_y * y;
+    v.b = r.alpha_y * r.kappa * y;
     v.c = z - x * m->slope_x - y * m->slope_y;
     v.s = sqrtq(v.a * v.a + v.b * v.b);
     return v;
@@ -83,13 +91,12 @@ static struct scaled normal_density(const facet_material *m, const quad H[3])
 {
     struct scaled d = {0, 0};
     if (!(H[2] > 0)) return d;
-    const facet_roughness *r = &m->roughness;
-    quad rho = r->rho, kappa = sqrtq(1 - rho * rho);
-    quad x = (-H[0] / H[2] - r->slope_x) / r->alpha_x;
-    quad y = ((-H[1] / H[2] - r->slope_y) / r->alpha_y - rho * x) / kappa;
+    struct reference_roughness r = reference_roughness(&m->roughness);
+    quad x = (-H[0] / H[2] - m->roughness.slope_x) / r.alpha_x;
+    quad y = ((-H[1] / H[2] - m->roughness.slope_y) / r.alpha_y - r.rho * x) / r.kappa;
     quad radius2 = x * x + y * y;
     quad sec2 = (H[0] * H[0] + H[1] * H[1] + H[2] * H[2]) / (H[2] * H[2]);
-    d.factor = sec2 * sec2 / (M_PIq * r->alpha_x * r->alpha_y * kappa);
+    d.factor = sec2 * sec2 / (M_PIq * r.alpha_x * r.alpha_y * r.kappa);
     if (m->ndf == FACET_GGX)
         d.factor /= (1 + radius2) * (1 + radius2);
     else

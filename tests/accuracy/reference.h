@@ -24,6 +24,12 @@ void reference_eval(const facet_material *material, const double wi[3], const do
 void reference_eval_exact(const facet_material *material, const quad wi[3], const double wo[3],
                           const quad H[3], struct reference *result);
 
+/* A roughness with its lows; kappa = sqrt(1 - rho^2). */
+struct reference_roughness {
+    quad alpha_x, alpha_y, rho, kappa;
+};
+struct reference_roughness reference_roughness(const facet_roughness *roughness);
+
 /* The roughness seen from k: standard slope statistics along k (thesis eq. 3.3). */
 struct reference_view {
     quad a, b, c, s;

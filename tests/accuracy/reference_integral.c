@@ -17,14 +17,14 @@ struct integrand {
 static quad radial_density(const struct integrand *f, quad r)
 {
     const facet_roughness *m = &f->m->roughness;
-    quad rho = m->rho, kappa = sqrtq(1 - rho * rho);
-    quad sx = m->alpha_x * r * f->cosine + m->slope_x;
-    quad sy = m->alpha_y * r * (rho * f->cosine + kappa * f->sine) + m->slope_y;
+    struct reference_roughness a = reference_roughness(m);
+    quad sx = a.alpha_x * r * f->cosine + m->slope_x;
+    quad sy = a.alpha_y * r * (a.rho * f->cosine + a.kappa * f->sine) + m->slope_y;
     quad length = sqrtq(1 + sx * sx + sy * sy);
     quad h[3] = {-sx / length, -sy / length, 1 / length};
     quad kh = f->k[0] * h[0] + f->k[1] * h[1] + f->k[2] * h[2];
     if (kh <= 0) return 0;
-    return kh * reference_ndf(f->m, h) * h[2] * h[2] * h[2] * m->alpha_x * m->alpha_y * kappa * r;
+    return kh * reference_ndf(f->m, h) * h[2] * h[2] * h[2] * a.alpha_x * a.alpha_y * a.kappa * r;
 }
 
 /*

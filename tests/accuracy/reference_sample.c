@@ -83,13 +83,14 @@ void reference_sample(const facet_material *material, const double wo[3], double
     const facet_roughness *r = &material->roughness;
     const quad o[3] = {wo[0], wo[1], wo[2]};
     struct reference_view k = reference_project(r, o);
-    quad m[3], h[3], H[3], rho = r->rho;
+    struct reference_roughness a = reference_roughness(r);
+    quad m[3], h[3], H[3];
     if (material->ndf == FACET_GGX)
         caps(k, u1, u2, m);
     else
         beckmann(k, u1, u2, m);
-    h[0] = r->alpha_x * m[0] - r->slope_x * m[2];
-    h[1] = r->alpha_y * (rho * m[0] + sqrtq(1 - rho * rho) * m[1]) - r->slope_y * m[2];
+    h[0] = a.alpha_x * m[0] - r->slope_x * m[2];
+    h[1] = a.alpha_y * (a.rho * m[0] + a.kappa * m[1]) - r->slope_y * m[2];
     h[2] = m[2];
     quad length = sqrtq(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
     quad oh = (o[0] * h[0] + o[1] * h[1] + o[2] * h[2]) / length;

@@ -17,9 +17,9 @@ static bool is_central(const facet_roughness *r)
 /* h, of length 1, of the standard micronormal m, and back (m of any length). */
 static void to_surface(const facet_roughness *r, const quad m[3], quad h[3])
 {
-    quad rho = r->rho;
-    h[0] = r->alpha_x * m[0] - r->slope_x * m[2];
-    h[1] = r->alpha_y * (rho * m[0] + sqrtq(1 - rho * rho) * m[1]) - r->slope_y * m[2];
+    struct reference_roughness a = reference_roughness(r);
+    h[0] = a.alpha_x * m[0] - r->slope_x * m[2];
+    h[1] = a.alpha_y * (a.rho * m[0] + a.kappa * m[1]) - r->slope_y * m[2];
     h[2] = m[2];
     quad length = sqrtq(dot(h, h));
     for (int j = 0; j < 3; j++) h[j] /= length;
@@ -27,9 +27,9 @@ static void to_surface(const facet_roughness *r, const quad m[3], quad h[3])
 
 static void to_standard(const facet_roughness *r, const quad h[3], quad m[3])
 {
-    quad rho = r->rho;
-    m[0] = (h[0] + r->slope_x * h[2]) / r->alpha_x;
-    m[1] = ((h[1] + r->slope_y * h[2]) / r->alpha_y - rho * m[0]) / sqrtq(1 - rho * rho);
+    struct reference_roughness a = reference_roughness(r);
+    m[0] = (h[0] + r->slope_x * h[2]) / a.alpha_x;
+    m[1] = ((h[1] + r->slope_y * h[2]) / a.alpha_y - a.rho * m[0]) / a.kappa;
     m[2] = h[2];
     quad length = sqrtq(dot(m, m));
     for (int j = 0; j < 3; j++) m[j] /= length;
@@ -40,8 +40,9 @@ static void to_standard(const facet_roughness *r, const quad h[3], quad m[3])
 /* The axes of the ellipse: eigenvalues of the matrix of squared slopes. */
 static void axes(const facet_roughness *r, quad *alpha_1, quad *alpha_2)
 {
-    quad xx = (quad)r->alpha_x * r->alpha_x, yy = (quad)r->alpha_y * r->alpha_y;
-    quad xy = (quad)r->rho * r->alpha_x * r->alpha_y, root = sqrtq((xx - yy) * (xx - yy) + 4 * xy * xy);
+    struct reference_roughness a = reference_roughness(r);
+    quad xx = a.alpha_x * a.alpha_x, yy = a.alpha_y * a.alpha_y, xy = a.rho * a.alpha_x * a.alpha_y;
+    quad root = sqrtq((xx - yy) * (xx - yy) + 4 * xy * xy);
     *alpha_1 = sqrtq((xx + yy + root) / 2);
     *alpha_2 = sqrtq(xx * yy - xy * xy) / *alpha_1;
 }

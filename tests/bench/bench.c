@@ -59,8 +59,8 @@ static double now_ns(void)
 
 static facet_material material_of(facet_ndf ndf, const struct variant *v)
 {
-    facet_material m = {.ndf = ndf, .roughness = {0.3, 0.3, 0, 0, 0}, .fresnel = {.kind = v->fresnel, .channels = 1}};
-    if (v->full) m.roughness = (facet_roughness){0.3, 0.4, 0.3, 0.1, -0.2};
+    facet_material m = {.ndf = ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}, .fresnel = {.kind = v->fresnel, .channels = 1}};
+    if (v->full) m.roughness = (facet_roughness){.alpha_x = 0.3, .alpha_y = 0.4, .rho = 0.3, .slope_x = 0.1, .slope_y = -0.2};
     m.fresnel.f0[0] = 0.04;
     m.fresnel.eta[0] = 1.5;
     return m;

@@ -90,10 +90,10 @@ static void time_of(const char *name, facet_status (*run)(struct job *), struct 
 
 int main(void)
 {
-    facet_material m = {.ndf = FACET_GGX, .roughness = {.2, .2, 0, 0, 0}, .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+    facet_material m = {.ndf = FACET_GGX, .roughness = {.alpha_x = .2, .alpha_y = .2}, .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
     facet_brdf *round = NULL, *flat = NULL;
     if (facet_brdf_create(&m, &round)) return 1;
-    m.roughness = (facet_roughness){.05, .5, .3, 0, 0};
+    m.roughness = (facet_roughness){.alpha_x = .05, .alpha_y = .5, .rho = .3};
     if (facet_brdf_create(&m, &flat)) return 1;
     struct job iso = {.source = {evaluate, round, INFINITY, false, NULL}, .radii = 90};
     time_of("extraction, 90 nodes", extract, &iso, 2);

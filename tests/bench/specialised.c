@@ -59,7 +59,7 @@ static double now_ns(void)
 
 static facet_brdf *brdf_of(facet_ndf ndf, enum kernel_shape shape, facet_fresnel_kind kind)
 {
-    facet_material m = {.ndf = ndf, .roughness = {0.3, 0.3, 0, 0, 0}, .fresnel = {.kind = kind, .channels = 1}};
+    facet_material m = {.ndf = ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}, .fresnel = {.kind = kind, .channels = 1}};
     if (shape != KERNEL_ISO) m.roughness.alpha_y = 0.4, m.roughness.rho = 0.3;
     if (shape == KERNEL_SHEARED) m.roughness.slope_x = 0.1, m.roughness.slope_y = -0.2;
     m.fresnel.f0[0] = 0.04;

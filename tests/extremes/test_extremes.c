@@ -180,12 +180,16 @@ TEST(materials_out_of_range_are_refused)
         facet_roughness r;
         facet_status status;
     } cases[] = {
-        {{0, 1, 0, 0, 0}, FACET_BAD_ALPHA},        {{1, -1, 0, 0, 0}, FACET_BAD_ALPHA},
-        {{nan, 1, 0, 0, 0}, FACET_BAD_ALPHA},      {{1, INFINITY, 0, 0, 0}, FACET_BAD_ALPHA},
-        {{0.99e-8, 1, 0, 0, 0}, FACET_BAD_ALPHA},  {{1, 1.01e4, 0, 0, 0}, FACET_BAD_ALPHA},
-        {{1, 1, 1, 0, 0}, FACET_BAD_RHO},          {{1, 1, -1, 0, 0}, FACET_BAD_RHO},
-        {{1, 1, nan, 0, 0}, FACET_BAD_RHO},        {{1, 1, 0, 1.1e6, 0}, FACET_BAD_MEAN_SLOPE},
-        {{1, 1, 0, 0, nan}, FACET_BAD_MEAN_SLOPE},
+        {{0, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},        {{1, -1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{nan, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},      {{1, INFINITY, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{0.99e-8, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},  {{1, 1.01e4, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{1, 1, 1, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},          {{1, 1, -1, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},
+        {{1, 1, nan, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},        {{1, 1, 0, 1.1e6, 0, {0, 0, 0}}, FACET_BAD_MEAN_SLOPE},
+        {{1, 1, 0, 0, nan, {0, 0, 0}}, FACET_BAD_MEAN_SLOPE},
+        {{1, 1, 0.5, 0, 0, {1e-15, 0, 0}}, FACET_BAD_ALPHA},
+        {{1, 1, 0.5, 0, 0, {0, nan, 0}}, FACET_BAD_ALPHA},
+        {{1, 1, 0.5, 0, 0, {0, 0, -1e-15}}, FACET_BAD_RHO},
+        {{1, 1, 0, 0, 0, {0, 0, 1e-300}}, FACET_BAD_RHO},
     };
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         facet_material m = {.roughness = cases[k].r, .fresnel = {.channels = 1}};
@@ -193,7 +197,7 @@ TEST(materials_out_of_range_are_refused)
         CHECK_INT(facet_brdf_create(&m, &brdf), cases[k].status);
         CHECK(!brdf);
     }
-    facet_material thesis = {.roughness = {1, 1, 0, 0, 0}, .fresnel = {.channels = 1}};
+    facet_material thesis = {.roughness = {.alpha_x = 1, .alpha_y = 1}, .fresnel = {.channels = 1}};
     thesis.masking = FACET_VGROOVE;
     thesis.shear = FACET_THESIS;
     facet_brdf *brdf = NULL;

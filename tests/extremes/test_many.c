@@ -35,7 +35,7 @@ static facet_material any_material(struct rng *rng)
     facet_material m = {.ndf = pick(rng, 2) ? FACET_GGX : FACET_BECKMANN};
     m.masking = (facet_masking)pick(rng, FACET_MASKING_COUNT);
     if (m.masking <= FACET_SMITH_UNCORRELATED && pick(rng, 4) == 0) m.shear = FACET_THESIS;
-    m.roughness = (facet_roughness){ANY(rng, alphas), ANY(rng, alphas), ANY(rng, rhos), ANY(rng, slopes), ANY(rng, slopes)};
+    m.roughness = (facet_roughness){.alpha_x = ANY(rng, alphas), .alpha_y = ANY(rng, alphas), .rho = ANY(rng, rhos), .slope_x = ANY(rng, slopes), .slope_y = ANY(rng, slopes)};
     if (pick(rng, 2)) m.roughness = (facet_roughness){.alpha_x = m.roughness.alpha_x, .alpha_y = m.roughness.alpha_x};
     draw_fresnel(rng, (facet_fresnel_kind)pick(rng, FACET_FRESNEL_COUNT), &m.fresnel);
     m.fresnel.channels = 1;

@@ -76,7 +76,7 @@ static double thesis_rms(const facet_fit_source *source)
         facet_fit_density_table(source, FACET_SMITH, FACET_FIT_MASKING_ONLY, &density, 91, log_d) == FACET_OK &&
         facet_slope_table_create(scale, log_d, 91, &table) == FACET_OK &&
         facet_fit_pairs_create(source, &grid, &pairs) == FACET_OK && error_pairs(source, &errors)) {
-        facet_fit_candidate c = {.material = {.ndf = FACET_TABULATED, .roughness = {1, 1, 0, 0, 0}, .table = table,
+        facet_fit_candidate c = {.material = {.ndf = FACET_TABULATED, .roughness = {.alpha_x = 1, .alpha_y = 1}, .table = table,
                                               .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}}};
         facet_fit_pairs_model(&pairs, &c.material, pairs.model);
         mean_fresnel(&pairs, values);

@@ -7,9 +7,15 @@
 #include <string.h>
 
 static const facet_roughness roughness[] = {
-    {0.3, 0.3, 0, 0, 0},    {1e-3, 1e-3, 0, 0, 0},   {4, 4, 0, 0, 0},
-    {0.05, 0.8, 0, 0, 0},   {0.4, 0.7, -0.95, 0, 0}, {0.3, 0.3, 0, 0.5, -0.2},
-    {0.5, 0.2, 0.6, -2, 1}, {0.1, 0.1, 0, 3, 0},     {0.02, 0.3, 0.3, 0.1, 5},
+    {.alpha_x = 0.3, .alpha_y = 0.3},
+    {.alpha_x = 1e-3, .alpha_y = 1e-3},
+    {.alpha_x = 4, .alpha_y = 4},
+    {.alpha_x = 0.05, .alpha_y = 0.8},
+    {.alpha_x = 0.4, .alpha_y = 0.7, .rho = -0.95},
+    {.alpha_x = 0.3, .alpha_y = 0.3, .slope_x = 0.5, .slope_y = -0.2},
+    {.alpha_x = 0.5, .alpha_y = 0.2, .rho = 0.6, .slope_x = -2, .slope_y = 1},
+    {.alpha_x = 0.1, .alpha_y = 0.1, .slope_x = 3},
+    {.alpha_x = 0.02, .alpha_y = 0.3, .rho = 0.3, .slope_x = 0.1, .slope_y = 5},
 };
 enum { SURFACES = sizeof roughness / sizeof *roughness };
 

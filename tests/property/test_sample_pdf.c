@@ -21,9 +21,14 @@
 enum { SIDE = SQUARE_SIDE, CELLS = SQUARE_CELLS, BATCH = 1000 };
 
 static const facet_roughness roughness[] = {
-    {0.3, 0.3, 0, 0, 0},   {1e-3, 1e-3, 0, 0, 0},    {4, 4, 0, 0, 0},
-    {0.05, 0.8, 0, 0, 0},  {0.4, 0.7, -0.95, 0, 0},  {0.3, 0.3, 0, 0.5, -1},
-    {0.5, 0.2, 0.6, 2, 1}, {0.02, 0.3, 0.3, 0.1, 5},
+    {.alpha_x = 0.3, .alpha_y = 0.3},
+    {.alpha_x = 1e-3, .alpha_y = 1e-3},
+    {.alpha_x = 4, .alpha_y = 4},
+    {.alpha_x = 0.05, .alpha_y = 0.8},
+    {.alpha_x = 0.4, .alpha_y = 0.7, .rho = -0.95},
+    {.alpha_x = 0.3, .alpha_y = 0.3, .slope_x = 0.5, .slope_y = -1},
+    {.alpha_x = 0.5, .alpha_y = 0.2, .rho = 0.6, .slope_x = 2, .slope_y = 1},
+    {.alpha_x = 0.02, .alpha_y = 0.3, .rho = 0.3, .slope_x = 0.1, .slope_y = 5},
 };
 static const double degrees[] = {0, 20, 60, 85, 89.9};
 enum { SURFACES = sizeof roughness / sizeof *roughness, VIEWS = sizeof degrees / sizeof *degrees };
@@ -262,7 +267,7 @@ static bool grid_at(size_t k, struct grid_point *at)
             *at = (struct grid_point){.sampler = (facet_sampler)sampler,
                                       .material = {.ndf = (facet_ndf)ndf, .fresnel = {.channels = 1}},
                                       .shape = (int)(k / ALPHAS % SHAPES), .degrees = grid_degrees[k / ALPHAS / SHAPES]};
-            at->material.roughness = (facet_roughness){alpha, alpha, 0, 0, 0};
+            at->material.roughness = (facet_roughness){.alpha_x = alpha, .alpha_y = alpha};
             if (at->shape == 1) at->material.roughness.alpha_y = 0.5 * alpha, at->material.roughness.rho = 0.7;
             if (at->shape == 2) at->material.roughness.slope_x = 0.3, at->material.roughness.slope_y = -0.2;
             view(at->degrees, 0.7 + 1.3 * (double)(k % 5), at->wo);

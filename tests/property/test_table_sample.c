@@ -198,7 +198,10 @@ static void check_scene(struct scene *scene, facet_sampler against, double bound
 }
 
 static const facet_roughness shapes[] = {
-    {1, 1, 0, 0, 0}, {0.5, 2, 0.7, 0, 0}, {1, 1, 0, 0.4, -0.3}, {1.5, 0.7, -0.5, -1, 0.5},
+    {.alpha_x = 1, .alpha_y = 1},
+    {.alpha_x = 0.5, .alpha_y = 2, .rho = 0.7},
+    {.alpha_x = 1, .alpha_y = 1, .slope_x = 0.4, .slope_y = -0.3},
+    {.alpha_x = 1.5, .alpha_y = 0.7, .rho = -0.5, .slope_x = -1, .slope_y = 0.5},
 };
 static const double alphas[] = {0.001, 0.03, 0.3, 1};
 static const double views[] = {0, 0.7, 1.4, 1.5691};
@@ -256,7 +259,7 @@ TEST(all_normals_are_those_of_the_source)
 {
     static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES], again[QUANTILES], o[3][QUANTILES];
     facet_slope_table *table = table_of(FACET_GGX, 0.3);
-    facet_material m = {.ndf = FACET_TABULATED, .roughness = {0.5, 2, 0.7, 0.1, -0.2}, .table = table};
+    facet_material m = {.ndf = FACET_TABULATED, .roughness = {.alpha_x = 0.5, .alpha_y = 2, .rho = 0.7, .slope_x = 0.1, .slope_y = -0.2}, .table = table};
     facet_brdf *brdf = NULL;
     m.fresnel.channels = 1;
     CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);

@@ -29,10 +29,10 @@ static facet_slope_table *table_of(facet_ndf ndf, double scale)
 }
 
 static const facet_roughness roughness[] = {
-    {0.3, 0.3, 0, 0, 0},
-    {1e-3, 1e-3, 0, 0, 0},
-    {0.05, 0.8, 0, 0, 0},
-    {0.4, 0.7, -0.9, 0.5, -1},
+    {.alpha_x = 0.3, .alpha_y = 0.3},
+    {.alpha_x = 1e-3, .alpha_y = 1e-3},
+    {.alpha_x = 0.05, .alpha_y = 0.8},
+    {.alpha_x = 0.4, .alpha_y = 0.7, .rho = -0.9, .slope_x = 0.5, .slope_y = -1},
 };
 enum { SURFACES = sizeof roughness / sizeof *roughness };
 

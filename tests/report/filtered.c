@@ -24,7 +24,7 @@ facet_moments filtered_texel(const facet_leadr *leadr, enum way way, size_t leve
 
 void filtered_shade(const facet_moments *m, double base_alpha, const double (*wi)[3], const double (*wo)[3], size_t n, double *out)
 {
-    const facet_roughness below = {base_alpha, base_alpha, 0, 0, 0};
+    const facet_roughness below = {.alpha_x = base_alpha, .alpha_y = base_alpha};
     const facet_moments base = facet_moments_from_roughness(&below),
                         sum = facet_moments_add(m, &base);
     facet_material material = {.ndf = FACET_BECKMANN, .fresnel = {.channels = 1}};

@@ -196,7 +196,7 @@ TEST(the_mean_is_the_mean)
 /* Over the cosine of theta_o, where it has a root at 1 and a logarithm at c_o = 0, this took 9e7 evaluations. */
 TEST(the_mean_of_a_sheared_surface_is_had_at_1e_6)
 {
-    facet_material m = {.ndf = FACET_BECKMANN, .roughness = {0.3, 0.3, 0, 0.2, 0.1}, .fresnel = {.channels = 1}};
+    facet_material m = {.ndf = FACET_BECKMANN, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3, .slope_x = 0.2, .slope_y = 0.1}, .fresnel = {.channels = 1}};
     bool is_full = draw_count(10) >= 10; /* 27 million evaluations */
     facet_albedo_options options = {.tolerance = is_full ? 1e-6 : 1e-2, .evaluations_max = 1 << 25};
     facet_albedo_value value;

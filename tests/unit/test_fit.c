@@ -196,7 +196,7 @@ TEST(fresnel_is_the_least_squares)
     static const double none[3] = {0, 0, 0};
     struct fit_pairs pairs;
     facet_material wrong = {.ndf = FACET_GGX,
-                            .roughness = {.35, .35, 0, 0, 0},
+                            .roughness = {.alpha_x = .35, .alpha_y = .35},
                             .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
     double table[3][GROUPS], *values[3] = {table[0], table[1], table[2]};
     CHECK_INT(facet_fit_pairs_create(&source, &grid, &pairs), FACET_OK);

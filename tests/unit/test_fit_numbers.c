@@ -201,7 +201,7 @@ TEST(anisotropic_roughness)
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 3; k++) {
             facet_material material = {.ndf = (facet_ndf)ndf,
-                                       .roughness = {rows[k][0], rows[k][1], rows[k][2], 0, 0},
+                                       .roughness = {.alpha_x = rows[k][0], .alpha_y = rows[k][1], .rho = rows[k][2]},
                                        .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
             facet_brdf *brdf;
             CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
@@ -248,7 +248,7 @@ TEST(anisotropic_hot_spot_is_recognised)
 {
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         facet_material material = {.ndf = (facet_ndf)ndf,
-                                   .roughness = {.6, .2, -.5, 0, 0},
+                                   .roughness = {.alpha_x = .6, .alpha_y = .2, .rho = -.5},
                                    .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
         facet_brdf *brdf;
         CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
@@ -276,7 +276,7 @@ TEST(vgroove_and_normal_map)
         facet_ndf ndf = k % 2 ? FACET_BECKMANN : FACET_GGX;
         double alpha = alphas[k / 4];
         facet_material material = {.ndf = ndf,
-                                   .roughness = {alpha, alpha, 0, 0, 0},
+                                   .roughness = {.alpha_x = alpha, .alpha_y = alpha},
                                    .masking = maskings[k / 2 % 2],
                                    .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
         facet_brdf *brdf;

@@ -249,7 +249,7 @@ TEST(base_roughness_is_a_process_below)
     const facet_height_map m = {z, 12, 10};
     facet_leadr_options o = plain;
     const facet_moments bare = mean_of(&m, &o);
-    const facet_roughness base = {0.3, 0.2, 0.4, 0, 0};
+    const facet_roughness base = {.alpha_x = 0.3, .alpha_y = 0.2, .rho = 0.4};
     o.base = facet_covariance_from_roughness(&base);
     const facet_moments below = facet_moments_from_roughness(&base);
     const facet_moments want = facet_moments_add(&bare, &below);

@@ -28,7 +28,7 @@ static void check_moments(const facet_moments *a, const facet_moments *b, double
 
 TEST(known_values)
 {
-    const facet_roughness r = {0.5, 0.25, 0.5, 0.125, -0.25};
+    const facet_roughness r = {.alpha_x = 0.5, .alpha_y = 0.25, .rho = 0.5, .slope_x = 0.125, .slope_y = -0.25};
     const facet_moments m = facet_moments_from_roughness(&r);
     CHECK(m.e1 == 0.125 && m.e2 == -0.25);
     CHECK(m.e3 == 0.125 + 0.015625);
@@ -72,7 +72,7 @@ TEST(cancellation)
 
 TEST(refusals)
 {
-    facet_roughness r = {7, 7, 0, 7, 7};
+    facet_roughness r = {.alpha_x = 7, .alpha_y = 7, .slope_x = 7, .slope_y = 7};
     const facet_moments flat = {0, 0, 0, 0, 0}, negative = {1, 0, 0.5, 1, 0};
     const facet_moments line = {0, 0, 1, 1, 1}, beyond = {0, 0, 1, 1, 1.5};
     const facet_moments nan_ = {0, 0, NAN, 1, 0}, inf_ = {INFINITY, 0, 1, 1, 0};
@@ -140,8 +140,7 @@ TEST(add)
         const double xx = a.alpha_x * a.alpha_x + b.alpha_x * b.alpha_x;
         const double yy = a.alpha_y * a.alpha_y + b.alpha_y * b.alpha_y;
         const double xy = a.rho * a.alpha_x * a.alpha_y + b.rho * b.alpha_x * b.alpha_y;
-        const facet_roughness r = {sqrt(xx), sqrt(yy), xy / sqrt(xx * yy), a.slope_x + b.slope_x,
-                                   a.slope_y + b.slope_y};
+        const facet_roughness r = {.alpha_x = sqrt(xx), .alpha_y = sqrt(yy), .rho = xy / sqrt(xx * yy), .slope_x = a.slope_x + b.slope_x, .slope_y = a.slope_y + b.slope_y};
         const facet_moments want = facet_moments_from_roughness(&r);
         check_moments(&sum, &want, 1e-14);
         check_moments(&sum, &other, 1e-15);

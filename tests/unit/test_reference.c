@@ -16,8 +16,8 @@ static facet_material material(facet_ndf ndf, facet_roughness roughness)
 TEST(projected_area_is_its_integral)
 {
     static const facet_roughness roughness[] = {
-        {0.05, 2, -0.9, 0, 0},
-        {1.5, 0.4, 0.6, 0.8, -1.3},
+        {.alpha_x = 0.05, .alpha_y = 2, .rho = -0.9},
+        {.alpha_x = 1.5, .alpha_y = 0.4, .rho = 0.6, .slope_x = 0.8, .slope_y = -1.3},
     };
     static const double k[][3] = {{0.6, 0, 0.8}, {-0.48, 0.876, 0.048}, {0.3, 0.4, -0.2}};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
@@ -38,13 +38,13 @@ TEST(projected_area_is_its_integral)
  */
 TEST(brdf_of_the_thesis)
 {
-    facet_material m = material(FACET_GGX, (facet_roughness){0.3, 0.3, 0, 0, 0});
+    facet_material m = material(FACET_GGX, (facet_roughness){.alpha_x = 0.3, .alpha_y = 0.3});
     const double wi[3] = {0.6, 0, 0.8}, wo[3] = {-0.6, 0, 0.8};
     struct reference r;
     reference_eval(&m, wi, wo, &r);
     CHECK_REL((double)r.of[FACET_FR][0], 1.34785690, 3e-9, 0); /* the digits it prints, cut off */
 
-    m = material(FACET_BECKMANN, (facet_roughness){0.4, 0.7, 0.3, 0, 0});
+    m = material(FACET_BECKMANN, (facet_roughness){.alpha_x = 0.4, .alpha_y = 0.7, .rho = 0.3});
     const double wi2[3] = {0.36, 0.48, 0.8}, wo2[3] = {-0.64, 0.48, 0.6};
     reference_eval(&m, wi2, wo2, &r);
     double gi = (double)r.of[FACET_G1_I][0], go = (double)r.of[FACET_G1_O][0];
@@ -55,7 +55,7 @@ TEST(brdf_of_the_thesis)
     reference_eval(&m, wi2, wo2, &r);
     CHECK_REL((double)r.of[FACET_G][0], gi * go, 1e-15, 0);
     /* Beckmann's G1 as thesis table 2.III prints it, isotropic. */
-    m = material(FACET_BECKMANN, (facet_roughness){0.4, 0.4, 0, 0, 0});
+    m = material(FACET_BECKMANN, (facet_roughness){.alpha_x = 0.4, .alpha_y = 0.4});
     reference_eval(&m, wi, wo, &r);
     double v = 0.8 / (0.4 * 0.6), printed = 1 + erf(v) + exp(-v * v) / (v * sqrt(acos(-1)));
     CHECK_REL((double)r.of[FACET_G1_O][0], 2 / printed, 5e-16, 0);
@@ -64,7 +64,7 @@ TEST(brdf_of_the_thesis)
 /* V-groove and normal map on a central surface as thesis table 2.IV prints them. */
 TEST(other_maskings_of_the_thesis)
 {
-    facet_material m = material(FACET_GGX, (facet_roughness){0.4, 0.7, 0.3, 0, 0});
+    facet_material m = material(FACET_GGX, (facet_roughness){.alpha_x = 0.4, .alpha_y = 0.7, .rho = 0.3});
     const double wi[3] = {0.936, 0.28, sqrt(1 - 0.936 * 0.936 - 0.28 * 0.28)},
                  wo[3] = {-0.64, 0.48, 0.6};
     double H[3], size = 0;
@@ -113,7 +113,7 @@ TEST(fresnel_forms_agree)
 TEST(ratio_of_underflows)
 {
     const double a = 1e-3, z = -0.1, x = sqrt(1 - z * z);
-    facet_material m = material(FACET_BECKMANN, (facet_roughness){a, a, 0, 0, 0});
+    facet_material m = material(FACET_BECKMANN, (facet_roughness){.alpha_x = a, .alpha_y = a});
     const double wo[3] = {x, 0, z}, up = 1e-9; /* h turned from the edge toward wo by up */
     const double h[3] = {-z + up * x, 0, x + up * z}, oh = wo[0] * h[0] + wo[2] * h[2];
     const double wi[3] = {2 * oh * h[0] - wo[0], 0, 2 * oh * h[2] - wo[2]};
@@ -131,7 +131,7 @@ TEST(ratio_of_underflows)
  */
 TEST(sampler_by_hand)
 {
-    facet_material m = material(FACET_BECKMANN, (facet_roughness){0.5, 0.5, 0, 0, 0});
+    facet_material m = material(FACET_BECKMANN, (facet_roughness){.alpha_x = 0.5, .alpha_y = 0.5});
     const double up[3] = {0, 0, 1}, slanted[3] = {0.6, 0, 0.8};
     struct reference_sample s;
     reference_sample(&m, up, 0.5, 0.5, &s);

@@ -49,7 +49,7 @@ TEST(a_square_of_slopes_reflects_to_it)
             for (int k = 0; k < 4; k++)
                 mirror(o, x + side * ((k == 1 || k == 2) - 0.5), y + side * ((k > 1) - 0.5), corner[k]);
             const double area = triangle(corner[0], corner[1], corner[2]) + triangle(corner[0], corner[2], corner[3]);
-            const facet_roughness r = {0.2, 0.2, 0, 0.3, -0.1};
+            const facet_roughness r = {.alpha_x = 0.2, .alpha_y = 0.2, .slope_x = 0.3, .slope_y = -0.1};
             CHECK_REL(solid_angle(&r, PI * 0.04 / (side * side), i, o), area, 1e-5, 0);
         }
 }
@@ -57,7 +57,11 @@ TEST(a_square_of_slopes_reflects_to_it)
 /* At the mirror direction N pdf omega is G1 times alpha_1/alpha_2: the slope density has its peak there. */
 TEST(it_is_the_mean_of_the_samples_at_the_peak)
 {
-    static const facet_roughness roughness[] = {{0.3, 0.3, 0, 0, 0}, {0.02, 0.02, 0, 0, 0}, {0.6, 0.15, 0, 0, 0}};
+    static const facet_roughness roughness[] = {
+        {.alpha_x = 0.3, .alpha_y = 0.3},
+        {.alpha_x = 0.02, .alpha_y = 0.02},
+        {.alpha_x = 0.6, .alpha_y = 0.15},
+    };
     for (int c = 0; c < 2 * 3 * 4; c++) {
         const facet_material m = {.ndf = c % 2 ? FACET_BECKMANN : FACET_GGX, .roughness = roughness[c / 2 % 3], .fresnel.channels = 1};
         const double t = 0.45 * (c / 6), o[3] = {sin(t), 0, cos(t)}, i[3] = {-sin(t), 0, cos(t)};
@@ -137,7 +141,7 @@ TEST(solid_angles_in_sum)
 TEST(over_the_api)
 {
     const char *material = "{\"ndf\":\"ggx\",\"alpha_x\":0.2,\"alpha_y\":0.5,\"rho\":0.3,\"mean_slope\":[0.1,-0.2]}";
-    const facet_roughness r = {0.2, 0.5, 0.3, 0.1, -0.2};
+    const facet_roughness r = {.alpha_x = 0.2, .alpha_y = 0.5, .rho = 0.3, .slope_x = 0.1, .slope_y = -0.2};
     static const double wo[2][3] = {{-0.6, 0, 0.8}, {0, 0.8, 0.6}};
     char body[400];
     for (int form = 0; form < 3; form++) {
@@ -167,7 +171,7 @@ TEST(over_the_api)
 /* wi = -wo has no half vector, and a normal seen from behind is one all the same. */
 TEST(corners)
 {
-    const facet_roughness r = {0.3, 0.3, 0, 0, 0};
+    const facet_roughness r = {.alpha_x = 0.3, .alpha_y = 0.3};
     const double o[3] = {0.6, 0, 0.8}, back[3] = {-0.6, 0, -0.8}, below[3] = {-0.8, 0, -0.9};
     CHECK(solid_angle(&r, 1, back, o) == 0);
     CHECK(solid_angle(&r, 1, below, o) > 0);

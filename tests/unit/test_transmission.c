@@ -26,7 +26,11 @@ static facet_material glass(facet_ndf ndf, facet_roughness roughness, double eta
     return m;
 }
 
-static const facet_roughness surfaces[] = {{0.4, 0.4, 0, 0, 0}, {0.3, 0.8, 0.5, 0, 0}, {0.5, 0.4, -0.3, 0.3, -0.4}};
+static const facet_roughness surfaces[] = {
+    {.alpha_x = 0.4, .alpha_y = 0.4},
+    {.alpha_x = 0.3, .alpha_y = 0.8, .rho = 0.5},
+    {.alpha_x = 0.5, .alpha_y = 0.4, .rho = -0.3, .slope_x = 0.3, .slope_y = -0.4},
+};
 static const double indices[] = {1.5, 0.7, 1.05};
 /* wo above and below. */
 static const double views[][3] = {{0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.6, -0.64}, {0.8, 0.5625, 0.21}};
@@ -408,7 +412,11 @@ static void check_lobes(const facet_material *m, const double wo_[3], unsigned l
 TEST(normals_reflect_with_probability_f)
 {
     static const double alphas[] = {1e-3, 0.1, 4}, degrees[] = {0, 30, 60, 85, 89.9};
-    static const facet_roughness shapes[] = {{1, 1, 0, 0, 0}, {1, 0.4, 0.7, 0, 0}, {0.7, 1, 0, 0.3, -0.2}};
+    static const facet_roughness shapes[] = {
+        {.alpha_x = 1, .alpha_y = 1},
+        {.alpha_x = 1, .alpha_y = 0.4, .rho = 0.7},
+        {.alpha_x = 0.7, .alpha_y = 1, .slope_x = 0.3, .slope_y = -0.2},
+    };
     for (size_t k = 0; k < 3 * 3 * 5 * 4; k++) {
         facet_roughness r = shapes[k % 3];
         double alpha = alphas[k / 3 % 3], theta = degrees[k / 9 % 5] * pi / 180, side = k / 45 % 2 ? -1 : 1;
