@@ -5,11 +5,15 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
+
+/* No radiance comes near, and sums of squares stay finite. */
+#define NUMBER_MAX 1e30
 
 const struct field api_samples_fields[] = {
     DIRECTIONS_FIELD(struct samples, wi, FIELD_MUST, "towards the light"),
     DIRECTIONS_FIELD(struct samples, wo, FIELD_MUST, "towards the viewer, as many as wi"),
-    {MEMBER(struct samples, fr), FIELD_MATRIX, FIELD_MUST, .min = -1e30, .max = 1e30, .width = 1,
+    {MEMBER(struct samples, fr), FIELD_MATRIX, FIELD_MUST, .min = -NUMBER_MAX, .max = NUMBER_MAX, .width = 1,
      .doc = "a number or [r,g,b] per pair; below 0 counts as 0"},
     {0},
 };
@@ -195,16 +199,21 @@ static bool read_names(struct csv *csv, char cell[COLUMNS + 1][CELL_MAX], int n,
 }
 
 /* Decimal or not, strtod knows; the whole cell must be one finite number. */
-static bool read_number(const char *cell, double *value)
+static bool read_number(const struct csv *csv, const char *cell, const char *name, double *value)
 {
     char *end;
     *value = strtod(cell, &end);
-    return end != cell && !*end && fabs(*value) < 1e30; /* false for NaN */
+    if (end == cell || *end || isnan(*value))
+        return api_problem(csv->problem, 422, "line %zu: \"%s\" is not a number for %s", csv->line,
+                           cell, name);
+    return fabs(*value) <= NUMBER_MAX || api_problem(csv->problem, 422, "line %zu: %s %s is outside [-1e30, 1e30]",
+                                                     csv->line, name, cell);
 }
 
+/* Nothing, or what programs print for NaN: nan, NaN, -nan, ... */
 static bool is_missing(const char *cell)
 {
-    return !*cell || !strcmp(cell, "nan") || !strcmp(cell, "NaN") || !strcmp(cell, "NAN");
+    return !*cell || !strcasecmp(cell + (*cell == '-' || *cell == '+'), "nan");
 }
 
 /* One line's numbers in the order of names; missing where a colour is. */
@@ -219,9 +228,7 @@ static bool read_row(struct csv *csv, char cell[COLUMNS + 1][CELL_MAX], double v
             v[which] = 0;
             continue;
         }
-        if (!read_number(cell[k], &v[which]))
-            return api_problem(csv->problem, 422, "line %zu: \"%s\" is not a number for %s",
-                               csv->line, cell[k], names[which]);
+        if (!read_number(csv, cell[k], names[which], &v[which])) return false;
     }
     for (int k = 0; k < 4; k += 2)
         if (!(v[k] >= 0 && cos(v[k]) > 0 && v[k] < 1.5707963267948966))

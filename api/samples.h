@@ -4,7 +4,7 @@
  * CSV: a line per pair with theta_i, phi_i, theta_o, phi_o (radians), r, g, b (per
  * steradian), separated by commas, semicolons or blanks; a first line of these names
  * may order them differently; lines that start with # do not count.  A value that is
- * empty or nan is missing, below 0 counts as 0; both are counted.
+ * empty or nan (in any case, with a sign or none) is missing, below 0 counts as 0; both are counted.
  */
 #ifndef API_SAMPLES_H
 #define API_SAMPLES_H

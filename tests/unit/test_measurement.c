@@ -174,9 +174,10 @@ TEST(csv_rules)
     for (int k = 0; k < 20; k++)
         at += sprintf(at, "%s;%d ; 2,0.%d 0.1\t0.3 , 0\n", k == 3 ? "nan" : k == 4 ? "" : "1",
                       k == 5 ? -1 : 1, k + 1);
+    at += sprintf(at, "1;-nan,0,0.1,0.3,0.1,0\nNan;+NAN,nAn,0.1,0.3,0.1,0\n");
     CHECK(reader_open(&o, text, strlen(text), FORMAT_CSV));
-    CHECK_INT(o.m.counts.values, 20);
-    CHECK_INT(o.m.counts.missing, 2);
+    CHECK_INT(o.m.counts.values, 22);
+    CHECK_INT(o.m.counts.missing, 4);
     CHECK_INT(o.m.counts.negative, 1);
     CHECK_INT(o.m.source.samples->count, 18);
     CHECK_REL(o.m.source.samples->wi.z[0], cos(.1), 1e-15, 0);
@@ -189,7 +190,9 @@ TEST(csv_rules)
     reader_refuses("0.1,0,0.2,0,1,1,1,1\n", 20, FORMAT_CSV, "more than 7");
     reader_refuses("0.1,0,1.6,0,1,1,1\n", 18, FORMAT_CSV, "theta_o 1.6");
     reader_refuses("0.1,0,x,0,1,1,1\n", 16, FORMAT_CSV, "\"x\"");
-    reader_refuses("0.1,0,0.2,0,inf,1,1\n", 20, FORMAT_CSV, "\"inf\"");
+    reader_refuses("0.1,0,0.2,0,inf,1,1\n", 20, FORMAT_CSV, "r inf is outside [-1e30, 1e30]");
+    reader_refuses("0.1,0,0.2,0,1,-1e308,1\n", 23, FORMAT_CSV, "line 1: g -1e308 is outside [-1e30, 1e30]");
+    reader_refuses("nan,0,0.2,0,1,1,1\n", 18, FORMAT_CSV, "\"nan\" is not a number for theta_i");
     reader_refuses("theta_i,phi_i,theta_o,phi_o,r,g,x\n", 34, FORMAT_CSV, "\"x\"");
     reader_refuses("theta_i,phi_i,theta_o,phi_o,r,g,g\n", 34, FORMAT_CSV, "there twice");
     reader_refuses("theta_i,phi_i\n", 14, FORMAT_CSV, "2 columns");
