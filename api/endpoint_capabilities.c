@@ -204,9 +204,11 @@ static bool list_tiers(struct call *call, struct list *out)
 
 static bool list_limits(struct call *call, struct list *out)
 {
-    struct api_limit *limits = api_arena_array(call->arena, LIMITS_MAX, sizeof *limits);
+    size_t n = api_limit_count();
+    struct api_limit *limits = api_arena_array(call->arena, n, sizeof *limits);
     if (!limits) return api_problem_memory(call->problem);
-    *out = (struct list){api_limits(limits), limits};
+    api_limits(limits);
+    *out = (struct list){n, limits};
     return true;
 }
 

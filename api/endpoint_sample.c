@@ -291,19 +291,21 @@ static bool compute(struct call *call, struct job *job)
     return true;
 }
 
-/* Every wo that was computed and not sent, before a tier can be chosen. */
-static void find_input_error(struct job *job)
+/* What the bound needs to know of every wo before a tier can be chosen: fills input_error and is_dense. */
+static bool survey_wo(struct call *call, struct job *job)
 {
     double error = job->wo.input_error;
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
     for (size_t i = 0, n; (error > 0 || job->surface.bsdf) && i < job->wo.count; i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
+        if (!api_still_wanted(call)) return false;
         api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
         bool below_is_dense = job->surface.facet.fresnel.eta[0] > 1;
         for (size_t k = 0; k < n; k++) job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
         job->input_error = fmax(job->input_error, error * facet_closeness(job->surface.brdf, wo, wo, n, true));
     }
+    return true;
 }
 
 /* It is of slopes: those of a cosine sample are not the material's. */
@@ -333,7 +335,7 @@ static bool prepare(struct call *call, struct job *job)
                      asked(job, PDF) + (asked(job, H) ? 3 : 0) + asked(job, SOLID_ANGLE);
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
-    find_input_error(job);
+    if (!survey_wo(call, job)) return false;
     if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
         !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))

@@ -84,12 +84,13 @@ static void join_round(struct job *job)
         }
 }
 
-/* The slots' places in whole arrays, for the next round. */
-static void move_slots(struct job *job)
+/* The places in whole arrays of the slots that the next round will use. */
+static void move_slots(struct job *job, size_t at)
 {
     if (job->evaluation->representation.format == RESULTS_JSON) return;
+    size_t chunks = (job->pairs.pairing.count - at + CHUNK - 1) / CHUNK;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        for (size_t i = 0; i < job->slot_count && api_is_asked(job, q); i++)
+        for (size_t i = 0; i < job->slot_count && i < chunks && api_is_asked(job, q); i++)
             job->slots[i].bytes[q] += api_results_room(&job->results[q], CHUNK) * job->slot_count;
 }
 
@@ -97,7 +98,7 @@ static bool compute(struct call *call, struct job *job)
 {
     const uint32_t outputs = job->evaluation->outputs;
     if (!api_open_slots(call, job, outputs, false)) return false;
-    for (size_t at = 0; at < job->pairs.pairing.count; move_slots(job)) {
+    for (size_t at = 0; at < job->pairs.pairing.count; move_slots(job, at)) {
         if (!api_run_round(call, job, outputs, &at)) return false;
         join_round(job);
     }

@@ -17,10 +17,15 @@ void api_announce_limits(const struct api_limit *limits, size_t count)
     announced.count = count;
 }
 
-size_t api_limits(struct api_limit limits[LIMITS_MAX])
+enum { OWN = sizeof own / sizeof *own };
+
+size_t api_limit_count(void)
 {
-    size_t n = 0;
-    for (size_t i = 0; i < sizeof own / sizeof *own; i++) limits[n++] = own[i];
-    for (size_t i = 0; i < announced.count && n < LIMITS_MAX; i++) limits[n++] = announced.list[i];
-    return n;
+    return OWN + announced.count;
+}
+
+void api_limits(struct api_limit *limits)
+{
+    for (size_t i = 0; i < OWN; i++) limits[i] = own[i];
+    for (size_t i = 0; i < announced.count; i++) limits[OWN + i] = announced.list[i];
 }

@@ -10,9 +10,8 @@ enum {
 #undef LIMIT
 };
 
-enum { LIMITS_MAX = 64 };
-
-/* The API's and its caller's; how many. */
-size_t api_limits(struct api_limit limits[LIMITS_MAX]);
+/* The API's and its caller's. */
+size_t api_limit_count(void);
+void api_limits(struct api_limit *limits);
 
 #endif

@@ -39,7 +39,11 @@ bool api_sampler(int sampler, const struct material *material, struct problem *p
     struct place at = {NULL, "sampler", 0};
     *method = (facet_sampler)sampler;
     if (sampler == FACET_SAMPLER_AUTO) *method = api_sampler_auto(material->ndf);
-    if (sampler == FACET_SAMPLER_AUTO || serves(*method, material)) return true;
+    if (sampler == FACET_SAMPLER_AUTO) return true;
+    if (serves(*method, material)) {
+        facet_status status = facet_sampler_prepare(*method, (facet_ndf)material->ndf);
+        return !status || api_problem_status(problem, status, &at);
+    }
     char list[128];
     size_t used = (size_t)snprintf(list, sizeof list, "auto");
     for (int i = FACET_SAMPLER_AUTO + 1; i < FACET_SAMPLER_COUNT; i++)

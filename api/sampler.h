@@ -28,7 +28,7 @@ uint32_t api_samplers(int ndf);
 /* What AUTO stands for; AUTO itself where there is nothing. */
 facet_sampler api_sampler_auto(int ndf);
 
-/* The method asked for, AUTO resolved; false and a 422 that lists those of this material. */
+/* The method asked for, AUTO resolved and made ready; a 422 lists those of this material. */
 bool api_sampler(int sampler, const struct material *material, struct problem *problem,
                  facet_sampler *method);
 

@@ -230,6 +230,11 @@ const char *facet_sampler_name(facet_sampler sampler);
 bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf);
 /* What AUTO stands for; AUTO itself where there is nothing. */
 facet_sampler facet_sampler_auto(facet_ndf ndf);
+/*
+ * Makes what TABLE needs for GGX and Beckmann, once.  Else the first call does, and a bound asked for
+ * before is none where memory ran out: NO_MEMORY here tells.
+ */
+facet_status facet_sampler_prepare(facet_sampler sampler, facet_ndf ndf);
 
 /*
  * The same for facet_sample: pdf relative as above; the components of wi and h

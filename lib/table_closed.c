@@ -33,6 +33,12 @@ const facet_slope_table *facet_table_of(facet_ndf ndf)
     return none;
 }
 
+facet_status facet_sampler_prepare(facet_sampler sampler, facet_ndf ndf)
+{
+    bool closed = (unsigned)ndf < FACET_TABULATED;
+    return sampler != FACET_SAMPLER_TABLE || !closed || facet_table_of(ndf) ? FACET_OK : FACET_NO_MEMORY;
+}
+
 bool facet_table_twin(const facet_brdf *brdf, facet_brdf *twin)
 {
     const facet_slope_table *table = facet_table_of(brdf->material.ndf);

@@ -72,6 +72,20 @@ TEST(tier_names_are_those_of_lib)
 }
 
 /* malloc'd text of a JSON value. */
+/* However many limits the server announces. */
+TEST(capabilities_list_every_limit)
+{
+    enum { MANY = 100 };
+    static struct api_limit many[MANY];
+    for (int i = 0; i < MANY; i++) many[i] = (struct api_limit){"a_limit", i, "of a test"};
+    api_announce_limits(many, MANY);
+    struct answer a = ask("GET", "/v1/capabilities", NULL);
+    CHECK_INT(answer_count(&a, "limits"), api_limit_count());
+    CHECK(api_limit_count() > MANY);
+    answer_clear(&a);
+    api_announce_limits(NULL, 0);
+}
+
 static char *dump(const json_t *json, size_t flags)
 {
     size_t size = json_dumpb(json, NULL, 0, flags);

@@ -424,6 +424,22 @@ TEST(cancelled_requests_end)
     answer_clear(&a);
 }
 
+/* The look at computed directions, before a tier is chosen (none would serve), ends as well. */
+TEST(cancelled_surveys_end)
+{
+    static const char body[] = "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}";
+    int asked = 0;
+    struct answer a = ask_with((struct api_request){.method = "POST",
+                                                    .path = "/v1/sample",
+                                                    .body = body,
+                                                    .body_size = sizeof body - 1,
+                                                    .cancelled = always,
+                                                    .user = &asked});
+    CHECK_INT(a.response.status, 503);
+    CHECK_INT(asked, 1);
+    answer_clear(&a);
+}
+
 TEST(a_table_of_the_ggx_shape_is_ggx)
 {
     /* log D of GGX with alpha 1 is constant in theta: -log pi. */

@@ -85,6 +85,22 @@ TEST(a_failed_allocation_is_an_answer)
     }
 }
 
+/* The table of the sampler "table" is made by the first request that names it. */
+TEST(a_table_that_finds_no_memory_is_no_missing_bound)
+{
+    static const char *const bodies[][2] = {
+        {"/v1/sample", "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":2,\"sampler\":\"table\",\"tolerance\":1e-5}"},
+        {"/v1/pdf", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wi\":[[0,0,1]],\"wo\":[[0,0,1]],\"sampler\":\"table\",\"tolerance\":1e-5}"},
+    };
+    for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
+        const struct endpoint endpoint = {.method = "POST", .path = bodies[i][0], .example = bodies[i][1]};
+        long n = 0;
+        while (n < 5000 && fail_at(&endpoint, n, false)) n++;
+        CHECK(n > 1);
+        check_note("allocations", (double)n);
+    }
+}
+
 /* The same for a form of arrays, answered as an archive of arrays. */
 static bool fail_in_form(const char *path, const struct form *form, const char *accept, long n)
 {
