@@ -1,6 +1,7 @@
 #include "field.h"
 
 #include "field_numbers.h"
+#include "nearest.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -21,22 +22,54 @@ void api_field_range(const struct field *field, char *out, size_t room)
 
 /* ---- Messages --------------------------------------------------------------------- */
 
-/* "a, b, c" as far as it fits. */
-static void join_names(const char *const *names, char *out, size_t room)
-{
-    size_t used = 0;
-    for (*out = 0; *names && used < room; names++) {
-        int n = snprintf(out + used, room - used, "%s%s", used ? ", " : "", *names);
-        used += n > 0 ? (size_t)n : 0;
-    }
-}
+enum { NAMES_ROOM = 170 }; /* of a detail */
 
 static bool wrong_name(const char *name, const struct field *field, const struct place *place,
                        struct decoder *decoder)
 {
-    char names[160];
-    join_names(field->names, names, sizeof names);
+    char names[NAMES_ROOM];
+    size_t n = 0;
+    while (field->names[n]) n++;
+    api_join_nearest(name, field->names, n, names, sizeof names);
     return api_problem_at(decoder->problem, place, "\"%.40s\" is not one of %s", name, names);
+}
+
+/* The names of the members or alternatives of a table; how many. */
+static size_t names_of(const struct field *fields, const char *names[NEAREST_MAX])
+{
+    size_t n = 0;
+    for (; fields->type && n < NEAREST_MAX; fields++) names[n++] = fields->name;
+    return n;
+}
+
+static bool wrong_member(const char *name, const struct field *fields, const struct place *place,
+                         struct decoder *decoder)
+{
+    const char *names[NEAREST_MAX];
+    char list[NAMES_ROOM];
+    api_join_nearest(name, names, names_of(fields, names), list, sizeof list);
+    return api_problem_at(decoder->problem, place, "is not a known member; known: %s",
+                          *list ? list : "none");
+}
+
+/* A word where only others may stand, or an object with one of the members known. */
+static bool wrong_word(const char *word, const struct field *alternatives, const struct place *place,
+                       struct decoder *decoder)
+{
+    const char *names[NEAREST_MAX];
+    char list[NAMES_ROOM], keys[NAMES_ROOM] = "";
+    size_t n = 0;
+    for (; alternatives->type; alternatives++) {
+        if (alternatives->type == FIELD_WORD && n < NEAREST_MAX) names[n++] = alternatives->name;
+        for (size_t i = 0; alternatives->type == FIELD_ENUM && alternatives->names[i] && n < NEAREST_MAX; i++)
+            names[n++] = alternatives->names[i];
+        if ((alternatives->type != FIELD_OBJECT && alternatives->type != FIELD_OPTION) || *keys) continue;
+        const char *members[NEAREST_MAX];
+        api_join_nearest(word, members, names_of(alternatives->fields, members), keys, sizeof keys / 2);
+    }
+    api_join_nearest(word, names, n, list, sizeof list / 2);
+    return api_problem_at(decoder->problem, place, "\"%.40s\" is not one of %s%s%s", word, list,
+                          *keys ? "; or an object of " : "", keys);
 }
 
 /* ---- Scalars ----------------------------------------------------------------------- */
@@ -172,8 +205,7 @@ static bool decode_union(const json_t *json, const struct field *field, void *ob
         return decode_value(json, &field->fields[i], object, place, decoder);
     }
     if (json_is_string(json))
-        return api_problem_at(decoder->problem, place, "\"%.40s\" is not known here",
-                              json_string_value(json));
+        return wrong_word(json_string_value(json), field->fields, place, decoder);
     return api_problem_at(decoder->problem, place, "cannot be %s", api_json_type_name(json));
 }
 
@@ -303,7 +335,7 @@ bool api_decode(const json_t *json, const struct field *fields, void *object,
         if (field->type)
             ok &= decode_value(value, field, object, &at, decoder);
         else
-            ok = api_problem_at(decoder->problem, &at, "is not a known member");
+            ok = wrong_member(name, fields, &at, decoder);
         if (decoder->problem->count >= PROBLEM_ERRORS_MAX) return false;
     }
     for (; fields->type; fields++) {

@@ -73,19 +73,38 @@ void api_text_print(struct text *text, const char *format, ...)
     api_text_commit(text, n < 0 ? 0 : n < ROOM ? (size_t)n : ROOM - 1);
 }
 
+/* Bytes of the UTF-8 character that begins here; 0: none does. */
+static size_t utf8_size(const unsigned char *s)
+{
+    static const unsigned char low[] = {[0xe0 - 0xc2] = 0xa0, [0xf0 - 0xc2] = 0x90};
+    unsigned char c = *s, high = c == 0xed ? 0x9f : c == 0xf4 ? 0x8f : 0xbf;
+    if (c < 0x80) return 1;
+    if (c < 0xc2 || c > 0xf4) return 0;
+    size_t size = c < 0xe0 ? 2 : c < 0xf0 ? 3 : 4, lead = c - 0xc2u;
+    unsigned char least = lead < sizeof low && low[lead] ? low[lead] : 0x80;
+    if (s[1] < least || s[1] > high) return 0;
+    for (size_t i = 2; i < size; i++)
+        if ((s[i] & 0xc0) != 0x80) return 0;
+    return size;
+}
+
 void api_text_string(struct text *text, const char *string)
 {
     api_text_put(text, "\"");
-    for (const char *plain = string;; string++) {
+    for (const char *plain = string;;) {
         unsigned char c = (unsigned char)*string;
-        if (c >= 0x20 && c != '"' && c != '\\' && c != 0x7f) continue;
+        size_t size = utf8_size((const unsigned char *)string);
+        if (size && c >= 0x20 && c != '"' && c != '\\' && c != 0x7f) {
+            string += size;
+            continue;
+        }
         api_text_bytes(text, plain, (size_t)(string - plain));
         if (!c) break;
         if (c == '"' || c == '\\')
             api_text_print(text, "\\%c", c);
         else
-            api_text_print(text, "\\u%04x", c);
-        plain = string + 1;
+            api_text_print(text, "\\u%04x", size ? c : 0xfffd);
+        plain = ++string;
     }
     api_text_put(text, "\"");
 }

@@ -162,7 +162,7 @@ TEST(errors_name_pointer_and_range)
     check_error("{\"alpha\":\"NaN\"}", "/alpha must be a number, not a string");
     check_error("{\"alpha\":null}", "/alpha must be a number, not null");
     check_error("{\"flag\":1}", "/flag must be true or false, not a number");
-    check_error("{\"kind\":\"third\"}", "/kind \"third\" is not one of first, second, true");
+    check_error("{\"kind\":\"third\"}", "/kind \"third\" is not one of first, true, second");
     check_error("{\"kind\":false}", "/kind must be a string, not a boolean");
     check_error("{\"outputs\":[\"first\",\"first\"]}", "/outputs/1 \"first\" stands twice");
     check_error("{\"outputs\":[]}", "/outputs has 0 elements, must have at least 1");
@@ -179,12 +179,14 @@ TEST(errors_name_pointer_and_range)
     check_error("{\"inner\":{\"b\":1}}", "/inner/a is required");
     check_error("{\"inner\":{\"a\":1,\"b\":1}}", "/inner/b equals a");
     check_error("{\"items\":[{\"a\":1},{\"a\":[]}]}", "/items/1/a must be a number, not an array");
-    check_error("{\"shape\":\"some\"}", "/shape \"some\" is not known here");
+    check_error("{\"shape\":\"some\"}", "/shape \"some\" is not one of none; or an object of a, b");
     check_error("{\"shape\":true}", "/shape cannot be a boolean");
     check_error("{\"shape\":2}", "/shape 2 is outside [0, 1]");
     check_error("{\"shape\":{\"a\":1,\"b\":2}}", "/shape must have exactly one member, has 2");
-    check_error("{\"alhpa\":1}", "/alhpa is not a known member");
-    check_error("{\"w~/x\":1}", "/w~0~1x is not a known member");
+    check_error("{\"alhpa\":1}", "/alhpa is not a known member; known: alpha, flag, list, shape, open, n, kind, title, "
+                                   "colour, rows, inner, items, outputs, option, vectors");
+    check_error("{\"w~/x\":1}", "/w~0~1x is not a known member; known: open, n, flag, kind, list, rows, alpha, title, "
+                                 "inner, items, shape, colour, option, outputs, vectors");
     check_error("[]", " must be an object, not an array");
     check_error("3", " must be an object, not a number");
 }

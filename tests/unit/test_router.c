@@ -193,6 +193,57 @@ TEST(refusals_by_the_server)
     api_response_clear(&response);
 }
 
+/* RFC 9457: the title of about:blank is the phrase of the status; these are all that the daemon counts. */
+TEST(every_refusal_has_its_phrase)
+{
+    static const int statuses[] = {400, 401, 404, 405, 406, 408, 411, 413, 414, 415, 422, 429, 431, 500, 501, 503, 505};
+    for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++)
+        CHECK(strcmp(api_status_title(statuses[i]), "Error") != 0);
+    CHECK_STR(api_status_title(401), "Unauthorized");
+}
+
+static bool is_utf8_json(const struct api_response *response)
+{
+    json_t *json = json_loadb(response->body, response->body_size, 0, NULL); /* which refuses what is no UTF-8 */
+    json_decref(json);
+    return json != NULL;
+}
+
+/* Whatever a request holds, a refusal that quotes it is UTF-8. */
+TEST(refusals_are_utf8)
+{
+    static const char *const details[] = {"\xff", "a\xc3", "\xc0\xaf", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xe0\x80\x80",
+                                          "\xf0\x80\x80\x80", "caf\xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80\"\\\n", "\xe2\x82\"", "\x80"};
+    for (size_t i = 0; i < sizeof details / sizeof *details; i++) {
+        struct api_response response;
+        api_refuse(400, details[i], &response);
+        CHECK(is_utf8_json(&response));
+        CHECK(!strstr(response.body, "caf") == !strstr(details[i], "caf"));
+        CHECK(i != 7 || !strstr(response.body, "\\ufffd"));
+        CHECK(i != 8 || strstr(response.body, "\\ufffd"));
+        api_response_clear(&response);
+    }
+    unsigned state = 1;
+    for (int i = 0; i < 2000; i++) {
+        char text[4][48];
+        for (int k = 0; k < 4; k++) {
+            size_t n = 0;
+            for (; n < sizeof text[k] - 1; n++) {
+                state = state * 1664525u + 1013904223u;
+                text[k][n] = (char)(1 + (state >> 24) % 255);
+            }
+            text[k][n] = 0;
+        }
+        struct api_request request = {.method = i % 2 ? "POST" : text[0], .path = i % 3 ? "/v1/eval" : text[1], .query = text[1],
+                                      .content_type = i % 5 ? text[2] : "application/json", .accept = i % 7 ? text[3] : NULL,
+                                      .body = EVAL, .body_size = sizeof EVAL - 1};
+        struct api_response response;
+        api_handle(&request, &response);
+        CHECK(response.status >= 400 && is_utf8_json(&response));
+        api_response_clear(&response);
+    }
+}
+
 TEST(query_members_count_as_body_members)
 {
     struct api_request request = {.method = "POST",
