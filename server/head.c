@@ -55,23 +55,58 @@ static bool has_controls(const char *text, size_t size)
     return false;
 }
 
-static void note_framing(struct walk *walk, const char *name, const char *value, size_t size)
+static enum head_field field_of(const char *name, size_t size)
+{
+#define NAME(field, text) [field] = { text, sizeof text - 1 }
+    static const struct {
+        const char *name;
+        size_t size;
+    } known[HEAD_FIELDS] = {
+        NAME(HEAD_HOST, "Host"),
+        NAME(HEAD_EXPECT, "Expect"),
+        NAME(HEAD_CONTENT_LENGTH, "Content-Length"),
+        NAME(HEAD_TRANSFER_ENCODING, "Transfer-Encoding"),
+        NAME(HEAD_CONTENT_TYPE, "Content-Type"),
+        NAME(HEAD_CONTENT_ENCODING, "Content-Encoding"),
+        NAME(HEAD_ACCEPT, "Accept"),
+        NAME(HEAD_ACCEPT_ENCODING, "Accept-Encoding"),
+        NAME(HEAD_AUTHORIZATION, "Authorization"),
+        NAME(HEAD_ORIGIN, "Origin"),
+        NAME(HEAD_REQUEST_ID, "X-Request-Id"),
+        NAME(HEAD_TRACEPARENT, "traceparent"),
+    };
+#undef NAME
+    unsigned field = 0;
+    while (field < HEAD_FIELDS &&
+           (known[field].size != size || strcasecmp(name, known[field].name)))
+        field++;
+    return (enum head_field)field;
+}
+
+static void note_framing(struct walk *walk, enum head_field field, const char *value, size_t size)
 {
     struct head *head = &walk->head;
-    if (!strcasecmp(name, "Host")) {
+    switch (field) {
+    case HEAD_HOST:
         if (walk->hosts++) head->fault = "more than one Host";
         if (!is_host(value, size)) head->fault = "the Host is not a host";
-    } else if (!strcasecmp(name, "Expect")) {
+        break;
+    case HEAD_EXPECT:
         head->expects_continue = !strcasecmp(value, "100-continue");
-    } else if (!strcasecmp(name, "Content-Length")) {
+        break;
+    case HEAD_CONTENT_LENGTH:
         if (walk->lengths++) head->fault = "more than one Content-Length";
         head->length = strtoull(value, NULL, 10); /* libmicrohttpd has refused non-digits */
-    } else if (!strcasecmp(name, "Transfer-Encoding")) {
+        break;
+    case HEAD_TRANSFER_ENCODING:
         if (walk->encodings++) head->fault = "more than one Transfer-Encoding";
         if (strcasecmp(value, "chunked"))
             head->fault = "the only Transfer-Encoding here is chunked";
         if (!walk->is_1_1) head->fault = "Transfer-Encoding needs HTTP/1.1";
         head->chunked = true;
+        break;
+    default:
+        break;
     }
 }
 
@@ -83,7 +118,9 @@ static enum MHD_Result note_header(void *user, enum MHD_ValueKind kind, const ch
     if (!value) value = "";
     if (!is_token(name, name_size)) walk->head.fault = "a header's name is not a token";
     if (has_controls(value, value_size)) walk->head.fault = "a control character in a header";
-    note_framing(walk, name, value, value_size);
+    const enum head_field field = field_of(name, name_size);
+    if (field < HEAD_FIELDS && !walk->head.value[field]) walk->head.value[field] = value;
+    note_framing(walk, field, value, value_size);
 #if HEAD_LIES_IN_ONE_PIECE
     const char *blanks = name + name_size + 1;
     if (name != walk->at || value < blanks || strspn(blanks, " \t") < (size_t)(value - blanks))
