@@ -12,6 +12,15 @@
 
 enum { SMALL_BODY = 65536 }; /* so many bytes are no reason to give memory back */
 
+/* Each takes memory of the connection's as soon as the request line is parsed. */
+static bool has_too_many_parameters(const char *query)
+{
+    enum { PARAMETERS_MAX = 128 };
+    size_t count = 1;
+    for (const char *at = query; (at = strchr(at, '&')); at++) count++;
+    return count > PARAMETERS_MAX;
+}
+
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
 {
     struct http *http = user;
@@ -24,6 +33,10 @@ void *exchange_begin(void *user, const char *target, struct MHD_Connection *conn
     client->phase = CLIENT_HEADERS;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     http_gauge(http, METRIC_ACTIVE, ++http->active_count);
+    if (has_too_many_parameters(client->request.query)) {
+        request_refuse(&client->request, 414, "the query has more than 128 parameters");
+        answer_raw(http, client);
+    }
     return client;
 }
 
@@ -103,6 +116,9 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         request_refuse(request, 401, "this asks for the header Authorization: Bearer TOKEN");
         return true;
     }
+    if (!strcmp(method, "OPTIONS") &&
+        site_answer_options(request->site, request->path, &request->response))
+        return true;
     request->route = site_lookup(request->site, strcmp(method, "HEAD") ? method : "GET",
                                  request->path, request->content_type);
     if (!request->route.found) {
@@ -124,6 +140,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     client->line.method = method;
     client->line.version = version;
     const struct head head = head_read(client->connection, &client->line);
+    client->head_memory = head.memory;
     memcpy(request->method, method, strnlen(method, sizeof request->method - 1)); /* into zeros */
     request_set_id(request, head.value[HEAD_REQUEST_ID], &http->random_state);
     request_set_trace(request, head.value[HEAD_TRACEPARENT]);

@@ -151,6 +151,18 @@ static const char *line_fault(const struct head_line *line)
     return line->target_fault;
 }
 
+/* Small heads are no matter: they count as nothing. */
+static size_t memory_of(struct MHD_Connection *connection, size_t size)
+{
+    enum { SMALL = 512, ENTRY = 64 /* libmicrohttpd's note of a header, a cookie, a parameter */ };
+    if (size <= SMALL) return 0;
+    const int kinds = MHD_HEADER_KIND | MHD_COOKIE_KIND | MHD_GET_ARGUMENT_KIND,
+              entries =
+                  MHD_get_connection_values(connection, (enum MHD_ValueKind)kinds, NULL, NULL);
+    const char *cookie = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Cookie");
+    return size + ENTRY * (size_t)entries + (cookie ? strlen(cookie) + 1 : 0); /* a copy */
+}
+
 struct head head_read(struct MHD_Connection *connection, const struct head_line *line)
 {
     struct walk walk = {.at = line->version + strlen("HTTP/1.1") + 2,
@@ -160,9 +172,10 @@ struct head head_read(struct MHD_Connection *connection, const struct head_line 
         return walk.head;
     }
     MHD_get_connection_values_n(connection, MHD_HEADER_KIND, note_header, &walk);
-#if HEAD_LIES_IN_ONE_PIECE
     const union MHD_ConnectionInfo *size =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    if (size) walk.head.memory = memory_of(connection, size->header_size);
+#if HEAD_LIES_IN_ONE_PIECE
     if (!walk.head.fault && (!size || walk.at + 2 != line->method + size->header_size))
         walk.head.fault = "a NUL, or a line that does not end with CR LF";
 #endif

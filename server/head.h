@@ -44,6 +44,8 @@ struct head {
     const char *fault; /* NULL, or why the request cannot be told apart from its neighbours */
     bool chunked, expects_continue;
     size_t length; /* Content-Length; 0 if chunked or none */
+    size_t memory; /* of the connection's: libmicrohttpd keeps the head and the answer's in one
+                      piece */
     /* The first of each name, valid until the request completes; NULL if absent. */
     const char *value[HEAD_FIELDS];
 };
