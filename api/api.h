@@ -79,6 +79,10 @@ void api_close(void);
  */
 bool api_select_isa(const char *name);
 
+/* What a path takes, "POST, OPTIONS"; false: nothing is served there. */
+enum { API_METHODS_SIZE = 64 };
+bool api_methods(const char *path, char methods[API_METHODS_SIZE]);
+
 struct api_limit {
     const char *name;
     int64_t value;

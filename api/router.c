@@ -47,6 +47,7 @@ bool api_open(void)
 
 void api_close(void)
 {
+    api_stream_end();
 }
 
 bool api_select_isa(const char *name)
@@ -70,18 +71,24 @@ static const struct endpoint *find(const char *method, const char *path)
     return NULL;
 }
 
+bool api_methods(const char *path, char methods[API_METHODS_SIZE])
+{
+    size_t used = 0;
+    for (size_t i = 0; endpoints[i]; i++)
+        if (!strcmp(endpoints[i]->path, path))
+            used += (size_t)snprintf(methods + used, API_METHODS_SIZE - used, "%s%s, ",
+                                     endpoints[i]->method,
+                                     strcmp(endpoints[i]->method, "GET") ? "" : ", HEAD");
+    if (used) snprintf(methods + used, API_METHODS_SIZE - used, "OPTIONS"); /* the server's */
+    return used;
+}
+
 /* Nothing serves this: 405 with Allow where another method would do, else 404. */
 static void not_found(const struct api_request *request, struct api_response *response,
                       struct problem *problem)
 {
-    char allow[64] = "";
-    for (size_t i = 0; endpoints[i]; i++) {
-        if (strcmp(endpoints[i]->path, request->path)) continue;
-        size_t used = strlen(allow);
-        snprintf(allow + used, sizeof allow - used, "%s%s%s", used ? ", " : "",
-                 endpoints[i]->method, strcmp(endpoints[i]->method, "GET") ? "" : ", HEAD");
-    }
-    if (!*allow) {
+    char allow[API_METHODS_SIZE];
+    if (!api_methods(request->path, allow)) {
         api_problem(problem, 404, "nothing is served at %.100s; see /v1/openapi.json",
                     request->path);
         return;
@@ -303,9 +310,10 @@ static bool run(struct call *call)
 {
     const struct endpoint *endpoint = call->endpoint;
     struct api_trace *trace = &call->response->trace;
-    double start = api_clock();
+    /* Tiny answers have nothing to decode, and a look at the clock is dear to them. */
+    double start = endpoint->request ? api_clock() : 0;
     if (!is_acceptable(call) || !decode_request(call)) return false;
-    trace->decode_us += api_clock() - start;
+    if (endpoint->request) trace->decode_us += api_clock() - start;
     call->out = api_arena_array(call->arena, 1, endpoint->response_size);
     if (!call->out) return api_problem_memory(call->problem);
     if (endpoint->response) api_field_clear(endpoint->response, call->out);

@@ -55,14 +55,39 @@ static struct MHD_Response *response_of(struct client *client)
     return MHD_create_response_from_callback(size, REQUEST_BLOCK, send_block, client, NULL);
 }
 
+/*
+ * libmicrohttpd puts the answer's head behind the request's, and closes the connection without a
+ * word where there is no room for it.
+ */
+static bool has_room(const struct client *client, const struct request_header *headers,
+                     size_t count)
+{
+    enum { OTHERS = 256 }; /* status line, Date, Content-Length, Connection, the empty line */
+    size_t size = client->head_memory + OTHERS;
+    if (!client->head_memory) return true;
+    for (size_t i = 0; i < count; i++)
+        size += strlen(headers[i].name) + strlen(headers[i].value) + 4;
+    return size <= CONNECTION_MEMORY;
+}
+
+static enum MHD_Result refuse_head(struct http *http, struct client *client)
+{
+    const bool body_follows = client->phase == CLIENT_HEADERS; /* or may */
+    request_refuse(&client->request, 431,
+                   "the head leaves no room for the answer's: fewer or shorter headers, please");
+    answer_raw(http, client);
+    return body_follows ? MHD_YES : MHD_NO;
+}
+
 enum MHD_Result answer_send(struct http *http, struct client *client)
 {
     struct request *request = &client->request;
     if (http->draining) request->close = true;
-    struct MHD_Response *response = response_of(client);
-    if (!response) return MHD_NO;
     struct request_header headers[REQUEST_HEADERS_MAX];
     size_t count = request_headers(request, headers);
+    if (!has_room(client, headers, count)) return refuse_head(http, client);
+    struct MHD_Response *response = response_of(client);
+    if (!response) return MHD_NO;
     enum MHD_Result result = MHD_YES;
     for (size_t i = 0; i < count && result == MHD_YES; i++)
         result = MHD_add_response_header(response, headers[i].name, headers[i].value);

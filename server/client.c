@@ -43,7 +43,10 @@ void client_cut(struct client *client, bool tell)
     const bool half_here = client->phase == CLIENT_HEADERS || client->phase == CLIENT_BODY ||
                            (client->phase == CLIENT_IDLE && !client->used);
     client->cut = true;
-    if (tell && half_here) metrics_add(METRIC_CUT_CONNECTIONS, 1);
+    if (tell && !client->raw) /* one of those has had its answer */
+        metrics_add(client->phase == CLIENT_IDLE && client->used ? METRIC_IDLE_CONNECTIONS
+                                                                 : METRIC_CUT_CONNECTIONS,
+                    1);
     client->deadline_us = CLIENT_NEVER;
     if (tell && half_here && !client->raw) {
         client->request.close = true;

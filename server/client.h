@@ -18,6 +18,12 @@ enum client_phase {
 
 struct http;
 
+/*
+ * Bytes that libmicrohttpd gets for each: the request's head and the answer's, and half of it is
+ * what a body comes in; zeroed for each request, so that more costs caches.
+ */
+enum { CONNECTION_MEMORY = 24576 };
+
 struct client {
     struct request request;
     struct http *http;
@@ -25,6 +31,7 @@ struct client {
     struct MHD_Connection *connection;
     int fd;
     struct head_line line;
+    size_t head_memory;        /* of CONNECTION_MEMORY */
     unsigned char address[16]; /* IPv6, or IPv4 mapped into it; zero for a unix socket */
     enum client_phase phase;
     bool used;    /* has had a request before */

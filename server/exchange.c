@@ -12,6 +12,15 @@
 
 enum { SMALL_BODY = 65536 }; /* so many bytes are no reason to give memory back */
 
+/* Each takes memory of the connection's as soon as the request line is parsed. */
+static bool has_too_many_parameters(const char *query)
+{
+    enum { PARAMETERS_MAX = 128 };
+    size_t count = 1;
+    for (const char *at = query; (at = strchr(at, '&')); at++) count++;
+    return count > PARAMETERS_MAX;
+}
+
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
 {
     struct http *http = user;
@@ -24,6 +33,10 @@ void *exchange_begin(void *user, const char *target, struct MHD_Connection *conn
     client->phase = CLIENT_HEADERS;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     http_gauge(http, METRIC_ACTIVE, ++http->active_count);
+    if (has_too_many_parameters(client->request.query)) {
+        request_refuse(&client->request, 414, "the query has more than 128 parameters");
+        answer_raw(http, client);
+    }
     return client;
 }
 
@@ -70,10 +83,11 @@ static void refuse_size(struct request *request)
     request_refuse(request, 413, detail);
 }
 
-/* Bodies are taken as they are; true if this one was refused.  The value may be no UTF-8, so it is not quoted. */
-static bool refuse_encoded(struct client *client)
+/* Bodies are taken as they are; true if this one was refused.  The value may be no UTF-8, so it is
+ * not quoted. */
+static bool refuse_encoded(struct client *client, const struct head *head)
 {
-    const char *encoding = client_header(client, "Content-Encoding");
+    const char *encoding = head->value[HEAD_CONTENT_ENCODING];
     if (!encoding || !*encoding || !strcasecmp(encoding, "identity")) return false;
     request_refuse(&client->request, 415, "Content-Encoding must be identity or absent: send the body as it is");
     return true;
@@ -98,10 +112,13 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         return true;
     }
     if (http->config.token && !site_is_open(request->site, request->path) &&
-        !token_matches(http->config.token, client_header(client, "Authorization"))) {
+        !token_matches(http->config.token, head->value[HEAD_AUTHORIZATION])) {
         request_refuse(request, 401, "this asks for the header Authorization: Bearer TOKEN");
         return true;
     }
+    if (!strcmp(method, "OPTIONS") &&
+        site_answer_options(request->site, request->path, &request->response))
+        return true;
     request->route = site_lookup(request->site, strcmp(method, "HEAD") ? method : "GET",
                                  request->path, request->content_type);
     if (!request->route.found) {
@@ -112,7 +129,7 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         refuse_size(request);
         return true;
     }
-    return request->route.body_max && refuse_encoded(client);
+    return request->route.body_max && refuse_encoded(client, head);
 }
 
 /* The headers are complete. */
@@ -123,15 +140,16 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     client->line.method = method;
     client->line.version = version;
     const struct head head = head_read(client->connection, &client->line);
-    snprintf(request->method, sizeof request->method, "%s", method);
-    request_set_id(request, client_header(client, "X-Request-Id"), &http->random_state);
-    request_set_trace(request, client_header(client, "traceparent"));
-    request->content_type = client_header(client, "Content-Type");
-    request->accept = client_header(client, "Accept");
-    request->accept_encoding = client_header(client, "Accept-Encoding");
+    client->head_memory = head.memory;
+    memcpy(request->method, method, strnlen(method, sizeof request->method - 1)); /* into zeros */
+    request_set_id(request, head.value[HEAD_REQUEST_ID], &http->random_state);
+    request_set_trace(request, head.value[HEAD_TRACEPARENT]);
+    request->content_type = head.value[HEAD_CONTENT_TYPE];
+    request->accept = head.value[HEAD_ACCEPT];
+    request->accept_encoding = head.value[HEAD_ACCEPT_ENCODING];
     request->body_expected = head.length;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
-    if (cors_allows(http, client_header(client, "Origin"))) request->cors = http->options->cors;
+    if (cors_allows(http, head.value[HEAD_ORIGIN])) request->cors = http->options->cors;
     if (settle_by_head(http, client, &head)) return answer_early(http, client, &head);
     client->phase = CLIENT_BODY;
     return MHD_YES;

@@ -55,23 +55,58 @@ static bool has_controls(const char *text, size_t size)
     return false;
 }
 
-static void note_framing(struct walk *walk, const char *name, const char *value, size_t size)
+static enum head_field field_of(const char *name, size_t size)
+{
+#define NAME(field, text) [field] = { text, sizeof text - 1 }
+    static const struct {
+        const char *name;
+        size_t size;
+    } known[HEAD_FIELDS] = {
+        NAME(HEAD_HOST, "Host"),
+        NAME(HEAD_EXPECT, "Expect"),
+        NAME(HEAD_CONTENT_LENGTH, "Content-Length"),
+        NAME(HEAD_TRANSFER_ENCODING, "Transfer-Encoding"),
+        NAME(HEAD_CONTENT_TYPE, "Content-Type"),
+        NAME(HEAD_CONTENT_ENCODING, "Content-Encoding"),
+        NAME(HEAD_ACCEPT, "Accept"),
+        NAME(HEAD_ACCEPT_ENCODING, "Accept-Encoding"),
+        NAME(HEAD_AUTHORIZATION, "Authorization"),
+        NAME(HEAD_ORIGIN, "Origin"),
+        NAME(HEAD_REQUEST_ID, "X-Request-Id"),
+        NAME(HEAD_TRACEPARENT, "traceparent"),
+    };
+#undef NAME
+    unsigned field = 0;
+    while (field < HEAD_FIELDS &&
+           (known[field].size != size || strcasecmp(name, known[field].name)))
+        field++;
+    return (enum head_field)field;
+}
+
+static void note_framing(struct walk *walk, enum head_field field, const char *value, size_t size)
 {
     struct head *head = &walk->head;
-    if (!strcasecmp(name, "Host")) {
+    switch (field) {
+    case HEAD_HOST:
         if (walk->hosts++) head->fault = "more than one Host";
         if (!is_host(value, size)) head->fault = "the Host is not a host";
-    } else if (!strcasecmp(name, "Expect")) {
+        break;
+    case HEAD_EXPECT:
         head->expects_continue = !strcasecmp(value, "100-continue");
-    } else if (!strcasecmp(name, "Content-Length")) {
+        break;
+    case HEAD_CONTENT_LENGTH:
         if (walk->lengths++) head->fault = "more than one Content-Length";
         head->length = strtoull(value, NULL, 10); /* libmicrohttpd has refused non-digits */
-    } else if (!strcasecmp(name, "Transfer-Encoding")) {
+        break;
+    case HEAD_TRANSFER_ENCODING:
         if (walk->encodings++) head->fault = "more than one Transfer-Encoding";
         if (strcasecmp(value, "chunked"))
             head->fault = "the only Transfer-Encoding here is chunked";
         if (!walk->is_1_1) head->fault = "Transfer-Encoding needs HTTP/1.1";
         head->chunked = true;
+        break;
+    default:
+        break;
     }
 }
 
@@ -83,7 +118,9 @@ static enum MHD_Result note_header(void *user, enum MHD_ValueKind kind, const ch
     if (!value) value = "";
     if (!is_token(name, name_size)) walk->head.fault = "a header's name is not a token";
     if (has_controls(value, value_size)) walk->head.fault = "a control character in a header";
-    note_framing(walk, name, value, value_size);
+    const enum head_field field = field_of(name, name_size);
+    if (field < HEAD_FIELDS && !walk->head.value[field]) walk->head.value[field] = value;
+    note_framing(walk, field, value, value_size);
 #if HEAD_LIES_IN_ONE_PIECE
     const char *blanks = name + name_size + 1;
     if (name != walk->at || value < blanks || strspn(blanks, " \t") < (size_t)(value - blanks))
@@ -114,6 +151,18 @@ static const char *line_fault(const struct head_line *line)
     return line->target_fault;
 }
 
+/* Small heads are no matter: they count as nothing. */
+static size_t memory_of(struct MHD_Connection *connection, size_t size)
+{
+    enum { SMALL = 512, ENTRY = 64 /* libmicrohttpd's note of a header, a cookie, a parameter */ };
+    if (size <= SMALL) return 0;
+    const int kinds = MHD_HEADER_KIND | MHD_COOKIE_KIND | MHD_GET_ARGUMENT_KIND,
+              entries =
+                  MHD_get_connection_values(connection, (enum MHD_ValueKind)kinds, NULL, NULL);
+    const char *cookie = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Cookie");
+    return size + ENTRY * (size_t)entries + (cookie ? strlen(cookie) + 1 : 0); /* a copy */
+}
+
 struct head head_read(struct MHD_Connection *connection, const struct head_line *line)
 {
     struct walk walk = {.at = line->version + strlen("HTTP/1.1") + 2,
@@ -123,9 +172,10 @@ struct head head_read(struct MHD_Connection *connection, const struct head_line 
         return walk.head;
     }
     MHD_get_connection_values_n(connection, MHD_HEADER_KIND, note_header, &walk);
-#if HEAD_LIES_IN_ONE_PIECE
     const union MHD_ConnectionInfo *size =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    if (size) walk.head.memory = memory_of(connection, size->header_size);
+#if HEAD_LIES_IN_ONE_PIECE
     if (!walk.head.fault && (!size || walk.at + 2 != line->method + size->header_size))
         walk.head.fault = "a NUL, or a line that does not end with CR LF";
 #endif

@@ -23,10 +23,31 @@ struct head_line {
 /* To be called with the target as it came. */
 void head_note_target(struct head_line *line, const char *target);
 
+/* The headers that facetd reads: one walk finds them all. */
+enum head_field {
+    HEAD_HOST,
+    HEAD_EXPECT,
+    HEAD_CONTENT_LENGTH,
+    HEAD_TRANSFER_ENCODING,
+    HEAD_CONTENT_TYPE,
+    HEAD_CONTENT_ENCODING,
+    HEAD_ACCEPT,
+    HEAD_ACCEPT_ENCODING,
+    HEAD_AUTHORIZATION,
+    HEAD_ORIGIN,
+    HEAD_REQUEST_ID,
+    HEAD_TRACEPARENT,
+    HEAD_FIELDS
+};
+
 struct head {
     const char *fault; /* NULL, or why the request cannot be told apart from its neighbours */
     bool chunked, expects_continue;
     size_t length; /* Content-Length; 0 if chunked or none */
+    size_t memory; /* of the connection's: libmicrohttpd keeps the head and the answer's in one
+                      piece */
+    /* The first of each name, valid until the request completes; NULL if absent. */
+    const char *value[HEAD_FIELDS];
 };
 
 struct head head_read(struct MHD_Connection *connection, const struct head_line *line);

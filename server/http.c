@@ -9,10 +9,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum {
-    CONNECTION_MEMORY = 24576, /* half of it is what a body comes in; zeroed for each request, so that more costs caches */
-    MEMORY_INCREMENT = 8192
-};
+enum { MEMORY_INCREMENT = 8192 };
 
 /*
  * 0.9.75: our own look at the head (head.c) is stricter than its strictness, and answers with a
@@ -29,6 +26,10 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     struct client *client = *context;
     if (code == MHD_CONNECTION_NOTIFY_CLOSED) {
         if (!client) return;
+        /* A query that it has no memory for: libmicrohttpd closes, and tells nobody that the
+         * request ended. */
+        if (client->phase != CLIENT_IDLE)
+            exchange_end(http, connection, &(void *){client}, MHD_REQUEST_TERMINATED_WITH_ERROR);
         request_clear(&client->request, &http->budget);
         *(client->previous ? &client->previous->next : &http->clients) = client->next;
         if (client->next) client->next->previous = client->previous;
@@ -134,15 +135,18 @@ static void on_panic(void *user, const char *file, unsigned line, const char *re
 
 static bool start_daemon(struct http *http)
 {
-    enum { SLACK = 64 }; /* closed connections that libmicrohttpd still counts */
+    enum {
+        SLACK = 64, /* closed connections that libmicrohttpd still counts */
+        LATER_S = 5 /* its own timeout, which counts nothing, is there should http_reap fail */
+    };
     const struct options *options = http->options;
     MHD_set_panic_func(on_panic, NULL);
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_NO_LISTEN_SOCKET, 0, NULL,
         NULL, exchange_step, http, MHD_OPTION_CONNECTION_LIMIT,
         (unsigned)(http->config.max_connections + SLACK), MHD_OPTION_CONNECTION_TIMEOUT,
-        (unsigned)options->timeout, MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY,
-        MHD_OPTION_CONNECTION_MEMORY_INCREMENT, (size_t)MEMORY_INCREMENT,
+        (unsigned)options->timeout + LATER_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        (size_t)CONNECTION_MEMORY, MHD_OPTION_CONNECTION_MEMORY_INCREMENT, (size_t)MEMORY_INCREMENT,
         MHD_OPTION_SIGPIPE_HANDLED_BY_APP, 1, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_URI_LOG_CALLBACK, exchange_begin, http, MHD_OPTION_NOTIFY_COMPLETED, exchange_end,
         http, MHD_OPTION_STRICT_FOR_CLIENT, STRICTNESS, MHD_OPTION_END);

@@ -46,7 +46,10 @@ static int open_tcp(const char *address, unsigned short port)
     struct addrinfo *info;
     int error = getaddrinfo(address, service, &hints, &info);
     if (error) {
-        complain(address, error == EAI_SYSTEM ? strerror(errno) : gai_strerror(error));
+        complain(address, error == EAI_SYSTEM ? strerror(errno)
+                          : error == EAI_NONAME
+                              ? "the address must be a number, as 127.0.0.1 or ::1"
+                              : gai_strerror(error));
         return -1;
     }
     int fd = open_on(info);

@@ -49,12 +49,33 @@ void site_put_header(struct api_response *response, const char *name, const char
     snprintf(header->value, sizeof header->value, "%s", value);
 }
 
+#define READ_METHODS "GET, HEAD, OPTIONS"
+
 void site_refuse_method(const char *path, struct api_response *response)
 {
     char detail[128]; /* the paths are our own, and short */
-    snprintf(detail, sizeof detail, "%s allows GET, HEAD", path);
+    snprintf(detail, sizeof detail, "%s allows " READ_METHODS, path);
     api_refuse(405, detail, response);
-    site_put_header(response, "Allow", "GET, HEAD");
+    site_put_header(response, "Allow", READ_METHODS);
+}
+
+static bool methods_of(enum site site, const char *path, char methods[API_METHODS_SIZE])
+{
+    const bool is_main = site == SITE_MAIN, is_all = !strcmp(path, "*");
+    snprintf(methods, API_METHODS_SIZE,
+             is_all && is_main ? "GET, HEAD, POST, OPTIONS" : READ_METHODS);
+    if (is_all || own_path(path)) return true;
+    if (!is_main && strcmp(path, HEALTHZ)) return false;
+    return page_find(path) || api_methods(path, methods);
+}
+
+bool site_answer_options(enum site site, const char *path, struct api_response *response)
+{
+    char methods[API_METHODS_SIZE];
+    if (!methods_of(site, path, methods)) return false;
+    *response = (struct api_response){.status = 204};
+    site_put_header(response, "Allow", methods);
+    return true;
 }
 
 /* Takes over the text; NULL: out of memory. */

@@ -20,6 +20,9 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
  */
 bool site_is_open(enum site site, const char *path);
 
+/* OPTIONS: 204 with Allow; false, and nothing done, where nothing is served. */
+bool site_answer_options(enum site site, const char *path, struct api_response *response);
+
 /* 405 for a path of the daemon's own, which are only read. */
 void site_refuse_method(const char *path, struct api_response *response);
 

@@ -64,12 +64,17 @@ evaluates() {
 }
 check_well() { [ "${check[0]}" = CMD ] && inside "${check[@]:1}" --port "$port"; }
 check_ill() { ! inside "${check[@]:1}" --port 1 2>/dev/null; }
-drains() {
-    local pid= p # without pgrep, which a small Debian lacks
-    for p in /proc/[0-9]*; do
-        [ "$(tr '\0' ' ' 2>/dev/null <"$p/cmdline")" != "$entry --port 0 " ] || pid=${p#/proc/}
+# The daemon is what buildah's process, which we started, ends in: its last only child.
+daemon_pid() {
+    local pid=$daemon children
+    while children=$(cat /proc/"$pid"/task/*/children 2>/dev/null) && [ -n "$children" ]; do
+        read -r pid _ <<<"$children"
     done
-    [ -n "$pid" ] && kill -TERM "$pid" && wait "$daemon"
+    [ "$(cat /proc/"$pid"/comm)" = "${entry##*/}" ] && echo "$pid"
+}
+drains() {
+    local pid
+    pid=$(daemon_pid) && kill -TERM "$pid" && wait "$daemon"
 }
 say listens_on_all_addresses on_all_addresses
 say is_not_root not_root

@@ -64,6 +64,13 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
     return (struct api_route){0};
 }
 
+bool api_methods(const char *path, char methods[API_METHODS_SIZE])
+{
+    const bool get = api_lookup("GET", path, NULL).found;
+    snprintf(methods, API_METHODS_SIZE, get ? "GET, HEAD, OPTIONS" : "POST, OPTIONS");
+    return get || api_lookup("POST", path, NULL).found;
+}
+
 bool api_takes_gzip(const char *accept_encoding)
 {
     return accept_encoding && !strcmp(accept_encoding, "gzip");

@@ -221,6 +221,6 @@ TEST(refusals_of_the_server_are_problems_too)
     CHECK(strstr(answer.body, "\"status\":400"));
     CHECK(daemon_ask(&daemon, "PUT", "/v1/eval", "", "{}", 2, &answer));
     CHECK_INT(answer.status, 405);
-    CHECK_STR(answer_header(&answer, "Allow"), "POST");
+    CHECK_STR(answer_header(&answer, "Allow"), "POST, OPTIONS");
     CHECK_INT(daemon_stop(&daemon), 0);
 }

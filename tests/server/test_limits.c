@@ -48,6 +48,73 @@ TEST(a_head_of_24_kb_is_taken)
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 
+/* libmicrohttpd would close without a word where its memory has no room for the answer's head. */
+TEST(every_head_that_is_too_large_is_told_so)
+{
+    static char text[32768];
+    int told = 0;
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    for (size_t size = 24000; size < 24700; size += 4) {
+        int status = status_with_header(&daemon, size);
+        told += status == 431 && !strstr(answer.body, "<html>"); /* ours */
+        if (status != 200 && status != 431)
+            check_fail(__FILE__, __LINE__, "%zu bytes give %d", size, status);
+    }
+    check_note("told", told);
+    CHECK(told > 20);
+    for (int count = 340; count < 370; count++) { /* many small ones */
+        char *end = stpcpy(text, "GET /v1/document HTTP/1.1\r\nHost: x\r\n");
+        for (int i = 0; i < count; i++) end = stpcpy(end, "a:b\r\n");
+        strcpy(end, "\r\n");
+        CHECK(daemon_ask_over(daemon_connect(&daemon), text, &answer));
+        if (answer.status != 200 && answer.status != 431)
+            check_fail(__FILE__, __LINE__, "%d headers give %d", count, answer.status);
+    }
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+/* The status of a GET with so many parameters. */
+static int status_with_parameters(const struct daemon *daemon, int count)
+{
+    static char text[32768];
+    char *end = stpcpy(text, "GET /v1/document?a");
+    for (int i = 1; i < count; i++) end = stpcpy(end, "&a");
+    strcpy(end, " HTTP/1.1\r\nHost: x\r\n\r\n");
+    daemon_ask_over(daemon_connect(daemon), text, &answer);
+    return answer.status;
+}
+
+TEST(a_query_of_many_parameters_is_414_and_over)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, NULL)) return;
+    CHECK_INT(status_with_parameters(&daemon, 128), 200);
+    CHECK_INT(status_with_parameters(&daemon, 129), 414);
+    CHECK(!strstr(answer.body, "<html>"));
+    CHECK_INT(status_with_parameters(&daemon, 400), 414);
+    CHECK_INT(status_with_parameters(&daemon, 1000), 414);
+    CHECK_INT(status_with_parameters(&daemon, 3000), 414);
+    CHECK(daemon_get(&daemon, "/metrics", &answer));
+    CHECK(strstr(answer.body, "\nfacetd_requests_active 1\n")); /* this one */
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
+TEST(idle_connections_end_and_are_counted)
+{
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, FLAGS("--timeout", "1"))) return;
+    int fd = daemon_connect(&daemon);
+    CHECK(daemon_send(fd, "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n"));
+    CHECK(daemon_read(fd, &answer));
+    CHECK(daemon_ends(fd, 3000));
+    close(fd);
+    CHECK(daemon_get(&daemon, "/metrics", &answer));
+    CHECK(strstr(answer.body, "\nfacetd_idle_connections_total 1\n"));
+    CHECK(strstr(answer.body, "\nfacetd_cut_connections_total 0\n"));
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
 TEST(a_body_too_large_is_413_before_it_comes)
 {
     struct daemon daemon;

@@ -67,6 +67,7 @@ TEST(nowhere_to_listen_is_an_error)
 {
     char out[64];
     CHECK_INT(daemon_run(FAKE, FLAGS("--bind="), out, sizeof out), 1);
+    CHECK_INT(daemon_run(FAKE, FLAGS("--port=0", "--bind=localhost"), out, sizeof out), 1);
     CHECK_INT(daemon_run(FAKE, FLAGS("--port=0", "--admin", "9080"), out, sizeof out), 1);
     CHECK_INT(daemon_run(FAKE, FLAGS("--port=0", "--admin", "::1:9080"), out, sizeof out), 1);
 }

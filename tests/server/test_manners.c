@@ -178,3 +178,27 @@ TEST(sighup_changes_nothing)
     close(fd);
     CHECK_INT(daemon_stop(&daemon), 0);
 }
+
+TEST(options_names_the_methods)
+{
+    static const struct {
+        const char *path, *allow; /* NULL: nothing is served there */
+    } rows[] = {{"/healthz", "GET, HEAD, OPTIONS"}, {"/metrics", "GET, HEAD, OPTIONS"},
+                {"/", "GET, HEAD, OPTIONS"},        {"/echo", "POST, OPTIONS"},
+                {"*", "GET, HEAD, POST, OPTIONS"},  {"/nothing", NULL}};
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FAKE, FLAGS("--admin", "127.0.0.1:0"))) return;
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        CHECK(daemon_ask(&daemon, "OPTIONS", rows[i].path, "", NULL, 0, &answer));
+        CHECK_INT(answer.status, rows[i].allow ? 204 : 404);
+        const char *allow = answer_header(&answer, "Allow");
+        if (rows[i].allow)
+            CHECK_STR(allow, rows[i].allow);
+        else
+            CHECK(!allow);
+    }
+    CHECK(daemon_ask_over(daemon_connect_port(daemon.admin_port),
+                          "OPTIONS /echo HTTP/1.1\r\nHost: x\r\n\r\n", &answer));
+    CHECK_INT(answer.status, 404);
+    CHECK_INT(daemon_stop(&daemon), 0);
+}

@@ -121,7 +121,7 @@ TEST(the_page_is_only_read)
     struct daemon daemon;
     if (!daemon_start(&daemon, FAKE, NULL)) return;
     CHECK_INT(status_of(&daemon, "POST", "/", ""), 405);
-    CHECK_STR(header("Allow"), "GET, HEAD");
+    CHECK_STR(header("Allow"), "GET, HEAD, OPTIONS");
     CHECK_INT(status_of(&daemon, "DELETE", "/page/main.js", ""), 405);
     CHECK_INT(daemon_stop(&daemon), 0);
 }

@@ -42,11 +42,11 @@ TEST(unknown_paths_and_methods)
     CHECK_INT(a.response.status, 405);
     CHECK_INT(a.response.header_count, 1);
     CHECK_STR(a.response.headers[0].name, "Allow");
-    CHECK_STR(a.response.headers[0].value, "POST");
+    CHECK_STR(a.response.headers[0].value, "POST, OPTIONS");
     answer_clear(&a);
     a = ask("POST", "/healthz", "{}");
     CHECK_INT(a.response.status, 405);
-    CHECK_STR(a.response.headers[0].value, "GET, HEAD");
+    CHECK_STR(a.response.headers[0].value, "GET, HEAD, OPTIONS");
     answer_clear(&a);
 }
 
