@@ -120,7 +120,10 @@ static void encode_value(struct text *text, const struct field *field, const voi
         encode_rows(text, numbers->values, numbers->count, field->width);
         break;
     case FIELD_MATRIX:
-        encode_rows(text, matrix->values, matrix->rows, matrix->columns);
+        if (field->width == 1 && matrix->columns == 1)
+            encode_run(text, matrix->values, matrix->rows);
+        else
+            encode_rows(text, matrix->values, matrix->rows, matrix->columns);
         break;
     case FIELD_OBJECT:
         api_encode(text, field->fields, at);

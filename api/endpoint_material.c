@@ -21,6 +21,7 @@ struct material_response {
     struct bivariate *bivariate;
     struct ellipse *ellipse;
     struct numbers mean_slope, mean_normal, moments;
+    int64_t azimuths;
     bool isotropic, central, coloured, transmission;
     struct list clamped;
     const char *note;
@@ -70,7 +71,8 @@ static const struct field response_fields[] = {
     {O(mean_slope), FIELD_NUMBERS, FIELD_MUST, .min_items = 2, .max_items = 2, .doc = "mean slope"},
     {O(mean_normal), FIELD_NUMBERS, FIELD_MUST, .min_items = 3, .max_items = 3,
      .doc = "normal of the mean slope"},
-    {O(isotropic), FIELD_BOOL, FIELD_MUST, .doc = "alpha_1 = alpha_2"},
+    {O(azimuths), FIELD_INTEGER, .doc = "rows of a slope table over the azimuth"},
+    {O(isotropic), FIELD_BOOL, FIELD_MUST, .doc = "alpha_1 = alpha_2, and a slope table over theta alone"},
     {O(central), FIELD_BOOL, FIELD_MUST, .doc = "the mean slope is 0"},
     {O(coloured), FIELD_BOOL, FIELD_MUST, .doc = "fr, fr_cos and F are [r,g,b]"},
     {O(transmission), FIELD_BOOL, FIELD_DEFAULT,
@@ -112,7 +114,9 @@ static bool describe(struct call *call, const struct surface *surface, const str
                         r->rho * r->alpha_x * r->alpha_y / 2 + x * y};
     out->ndf = api_ndf_names[in->ndf];
     if (!surface->is_lambert && !describe_roughness(call, r)) return false;
-    out->isotropic = r->alpha_x == r->alpha_y && r->rho == 0;
+    const bool is_turned = api_material_is_turned(in);
+    if (is_turned) out->azimuths = (int64_t)in->slopes->log_D.rows;
+    out->isotropic = r->alpha_x == r->alpha_y && r->rho == 0 && !is_turned;
     out->central = x == 0 && y == 0;
     out->coloured = surface->channels == 3;
     out->transmission = surface->bsdf != NULL;

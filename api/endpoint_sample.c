@@ -101,6 +101,7 @@ struct job {
     struct pairing pairing; /* first: wo, second: u */
     struct promise promise;
     double input_error; /* of wo, times facet_closeness of all of them */
+    bool any_below;     /* some wo, where it matters */
     bool is_dense;      /* with transmission: some wo are on the side of the larger index */
     double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf, *solid_angle;
     struct results results[OUTPUT_COUNT];
@@ -297,15 +298,25 @@ static bool survey_wo(struct call *call, struct job *job)
     double error = job->wo.input_error;
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
-    for (size_t i = 0, n; (error > 0 || job->surface.bsdf) && i < job->wo.count; i += n) {
+    const bool is_turned = api_material_is_turned(&job->in->material);
+    for (size_t i = 0, n; (error > 0 || job->surface.bsdf || is_turned) && i < job->wo.count; i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
         if (!api_still_wanted(call)) return false;
         api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
         bool below_is_dense = job->surface.facet.fresnel.eta[0] > 1;
         for (size_t k = 0; k < n; k++) job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
+        for (size_t k = 0; k < n; k++) job->any_below = job->any_below || wo.z[k] < 0;
         job->input_error = fmax(job->input_error, error * facet_closeness(job->surface.brdf, wo, wo, n, true));
     }
     return true;
+}
+
+/* Visible normals of slopes over the azimuth (facet_table.h). */
+static bool check_views(const struct job *job, struct problem *problem)
+{
+    struct place at = {NULL, "wo", 0};
+    if (!job->any_below || job->sampler != FACET_SAMPLER_TABLE || !api_material_is_turned(&job->in->material)) return true;
+    return api_problem_at(problem, &at, "lies below the horizon, from where slopes over the azimuth tell no visible normals");
 }
 
 /* It is of slopes: those of a cosine sample are not the material's. */
@@ -335,7 +346,7 @@ static bool prepare(struct call *call, struct job *job)
                      asked(job, PDF) + (asked(job, H) ? 3 : 0) + asked(job, SOLID_ANGLE);
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
-    if (!survey_wo(call, job)) return false;
+    if (!survey_wo(call, job) || !check_views(job, call->problem)) return false;
     if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
         !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))

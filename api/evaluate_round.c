@@ -4,6 +4,7 @@
 #include "diffuse.h"
 
 #include <math.h>
+#include <stdint.h>
 
 void api_share(const struct call *call, size_t count, void (*task)(void *arg, size_t index), void *arg)
 {
@@ -122,6 +123,7 @@ struct look {
     struct seen {
         facet_status status;
         double condition, closeness;
+        size_t below; /* the first wo below the horizon; SIZE_MAX: none */
     } seen[SLOTS_MAX];
 };
 
@@ -138,7 +140,7 @@ static void look_at_chunk(void *look_, size_t index)
     const struct job *job = look->job;
     double v[6][BLOCK], *const in[6] = {v[0], v[1], v[2], v[3], v[4], v[5]};
     const facet_vec3_in wi = {v[0], v[1], v[2]}, wo = {v[3], v[4], v[5]};
-    struct seen seen = {FACET_OK, 1, 1};
+    struct seen seen = {FACET_OK, 1, 1, SIZE_MAX};
     size_t at = look->at + index * CHUNK, end = at + CHUNK, count = job->pairs.pairing.count;
     if (end > count) end = count;
     for (size_t n; at < end && !seen.status; at += n) {
@@ -147,9 +149,27 @@ static void look_at_chunk(void *look_, size_t index)
         api_pairs_fill(&job->pairs, at, n, false, in);
         seen.status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         seen.condition = fmax(seen.condition, condition);
+        for (size_t k = 0; k < n && seen.below == SIZE_MAX; k++)
+            if (wo.z[k] < 0) seen.below = at + k;
         if (job->pairs.input_error > 0) seen.closeness = fmax(seen.closeness, closeness_of(job, wi, wo, n));
     }
     look->seen[index] = seen;
+}
+
+/* What a table over the azimuth does not tell from below (facet_table.h). */
+static bool needs_front(const struct job *job)
+{
+    const facet_sampler sampler = job->evaluation->sampler;
+    const bool visible = sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_TABLE;
+    const uint32_t told = 1 << FACET_D_VIS | 1 << FACET_SIGMA_O | (visible ? 1 << FACET_PDF : 0);
+    return api_material_is_turned(job->evaluation->material) && job->evaluation->outputs & told;
+}
+
+static bool refuse_below(struct call *call, size_t pair)
+{
+    struct place at = {NULL, "wo", 0};
+    return api_problem_at(call->problem, &at, "of pair %zu lies below the horizon, where slopes over the azimuth tell no sigma_o, "
+                          "D_vis and pdf", pair);
 }
 
 bool api_survey_pairs(struct call *call, struct job *job)
@@ -159,7 +179,8 @@ bool api_survey_pairs(struct call *call, struct job *job)
     struct look look = {.job = job};
     job->condition = 1;
     job->input_error = error;
-    if (job->surface.facet.shear != FACET_THESIS && error == 0) return true;
+    const bool front = needs_front(job);
+    if (job->surface.facet.shear != FACET_THESIS && error == 0 && !front) return true;
     for (; look.at < count; look.at += SLOTS_MAX * (size_t)CHUNK) {
         size_t chunks = (count - look.at + CHUNK - 1) / CHUNK;
         if (chunks > SLOTS_MAX) chunks = SLOTS_MAX;
@@ -168,6 +189,7 @@ bool api_survey_pairs(struct call *call, struct job *job)
         for (size_t i = 0; i < chunks; i++) {
             const struct seen *seen = &look.seen[i];
             if (seen->status) return api_problem_status(call->problem, seen->status, NULL);
+            if (front && seen->below != SIZE_MAX) return refuse_below(call, seen->below);
             job->condition = fmax(job->condition, seen->condition);
             job->input_error = fmax(job->input_error, error * seen->closeness);
         }

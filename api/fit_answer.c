@@ -161,7 +161,7 @@ static bool describe_slopes(struct call *call, const facet_fit *fit,
     to->slopes = api_arena_array(call->arena, 1, sizeof *to->slopes);
     if (!copy || !to->slopes) return api_problem_memory(call->problem);
     memcpy(copy, from->log_d, n * sizeof *copy);
-    *to->slopes = (struct slopes){fit->table_scale, {n, copy}};
+    *to->slopes = (struct slopes){fit->table_scale, {n, 1, copy}};
     return true;
 }
 

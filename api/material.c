@@ -55,6 +55,32 @@ static bool check_table(void *object, const struct place *place, struct decoder 
     return true;
 }
 
+/* Of slopes over the azimuth; field tables know one dimension. */
+static bool check_slopes(void *object, const struct place *place, struct decoder *decoder)
+{
+    const struct matrix *m = &((const struct slopes *)object)->log_D;
+    struct place nodes = {place, "log_D", 0};
+    if (m->columns == 1) return true;
+    if (m->rows < FACET_TABLE_TURNS_MIN || m->rows > LIMIT_TABLE_AZIMUTHS)
+        return api_problem_at(decoder->problem, &nodes, "has %zu rows, must have between %d and %d", m->rows,
+                              FACET_TABLE_TURNS_MIN, LIMIT_TABLE_AZIMUTHS);
+    if (m->columns < FACET_TABLE_NODES_MIN || m->columns > LIMIT_TABLE_ROWS_NODES / m->rows)
+        return api_problem_at(decoder->problem, &nodes, "has %zu rows of %zu nodes; such rows must have between %d and %zu",
+                              m->rows, m->columns, FACET_TABLE_NODES_MIN, LIMIT_TABLE_ROWS_NODES / m->rows);
+    for (size_t j = 1; j < m->rows; j++) {
+        struct place row = {&nodes, NULL, j}, first = {&row, NULL, 0};
+        if (m->values[j * m->columns] != m->values[0])
+            return api_problem_at(decoder->problem, &first, "%.17g is not %.17g: the rows meet at theta = 0, and must agree there",
+                                  m->values[j * m->columns], m->values[0]);
+    }
+    return true;
+}
+
+bool api_material_is_turned(const struct material *material)
+{
+    return material->slopes && material->slopes->log_D.columns > 1;
+}
+
 static const struct field schlick_fields[] = {
     {MEMBER(struct schlick, f0), FIELD_COLOUR, FIELD_MUST, .min = 0, .max = 1,
      .doc = "reflectance at normal incidence"},
@@ -110,9 +136,11 @@ static const struct field slopes_fields[] = {
     {MEMBER(struct slopes, scale), FIELD_NUMBER, FIELD_MUST, .min = FACET_ALPHA_MIN,
      .max = FACET_ALPHA_MAX,
      .doc = "the nodes are uniform in u = tan theta / (scale + tan theta), 0 to 1"},
-    {MEMBER(struct slopes, log_D), FIELD_NUMBERS, FIELD_MUST, .min = -1e4, .max = 1e3,
-     .min_items = FACET_TABLE_NODES_MIN, .max_items = LIMIT_TABLE_NODES,
-     .doc = "log of the normal distribution at the nodes; -700 and below count as D = 0"},
+    {MEMBER(struct slopes, log_D), FIELD_MATRIX, FIELD_MUST, .min = -1e4, .max = 1e3,
+     .min_items = FACET_TABLE_NODES_MIN, .max_items = LIMIT_TABLE_NODES, .width = 1,
+     .doc = "log of the normal distribution at the nodes; -700 and below count as D = 0. Rows of nodes: row j of m at "
+            "azimuth pi j/m of the normal, and of its opposite, in the slopes that the roughness stretches; all rows "
+            "begin with the same number, and there is no mean_slope"},
     {0},
 };
 
@@ -122,7 +150,7 @@ static const struct field slopes_fields[] = {
 const struct field api_material_fields[] = {
     {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names,
      .doc = "distribution of slopes; lambert has none"},
-    {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes),
+    {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes), .check = check_slopes,
      .doc = "the table of a tabulated distribution, as a fit returns it"},
     {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness; 1 for tabulated by default"},
     {M(alpha_x), FIELD_NUMBER, ALPHA, .doc = "roughness along x, with alpha_y"},
@@ -220,11 +248,13 @@ bool api_material_check(void *material, const struct place *place, struct decode
 {
     const struct material *m = material;
     if (m->ndf == NDF_LAMBERT || m->reflectance.channels) return api_lambert_check(m, place, decoder);
-    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0};
+    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0}, mean_slope = {place, "mean_slope", 0};
     if (m->ndf == FACET_TABULATED && !m->slopes)
         return api_problem_at(decoder->problem, &slopes, "is required with ndf \"tabulated\"");
     if (m->ndf != FACET_TABULATED && m->slopes)
         return api_problem_at(decoder->problem, &slopes, "needs ndf \"tabulated\"");
+    if (api_material_is_turned(m) && m->mean_slope.values && (m->mean_slope.values[0] != 0 || m->mean_slope.values[1] != 0))
+        return api_problem_at(decoder->problem, &mean_slope, "must be [0,0] with slopes over the azimuth");
     if (m->shear == FACET_THESIS && m->masking != FACET_SMITH &&
         m->masking != FACET_SMITH_UNCORRELATED)
         return api_problem_at(decoder->problem, &shear, "\"thesis\" needs a smith masking");
@@ -356,8 +386,9 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
 {
     facet_slope_table *table;
     struct place at = {place, "slopes", 0};
-    facet_status status =
-        facet_slope_table_create(slopes->scale, slopes->log_D.values, slopes->log_D.count, &table);
+    const struct matrix *m = &slopes->log_D;
+    facet_status status = m->columns > 1 ? facet_slope_table_create_turned(slopes->scale, m->values, m->columns, m->rows, &table)
+                                         : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
     if (status) return api_problem_status(decoder->problem, status, &at);
     material->table = table;
     return api_arena_defer(decoder->arena, destroy_table, table) ||

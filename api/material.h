@@ -8,7 +8,7 @@
 
 struct slopes {
     double scale;
-    struct numbers log_D;
+    struct matrix log_D; /* one column: radial; else a row per azimuth */
 };
 
 struct schlick {
@@ -75,6 +75,9 @@ bool api_material_check(void *material, const struct place *place, struct decode
                                                            .check = api_material_check,            \
                                                            .doc = "What the surface is made of"    \
     }
+
+/* Tabulated over the azimuth as well. */
+bool api_material_is_turned(const struct material *material);
 
 /* A material ready for lib; everything lives in the arena it was opened in. */
 struct surface {

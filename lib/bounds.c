@@ -111,14 +111,20 @@ static double input_condition(const facet_brdf *b)
     return 4 * (1 + lean) * (1 + 1 / e.alpha_2);
 }
 
+static bool is_turned(const facet_brdf *b)
+{
+    return b->material.ndf == FACET_TABULATED && facet_slope_table_is_turned(&b->material.table->view);
+}
+
 /*
  * d log D / d log slope, for errors in both of wi and wo: 2 x 4 for GGX and for
- * what is tabulated.  Beckmann's exponent t has 2 x 2 sqrt(t), t <= 150 wherever
- * the result passes FACET_FLOOR.
+ * what is tabulated radially; over the azimuth it is measured.  Beckmann's exponent t has
+ * 2 x 2 sqrt(t), t <= 150 wherever the result passes FACET_FLOOR.
  */
-static double slope_gain(facet_ndf ndf)
+static double slope_gain(const facet_brdf *b)
 {
-    return ndf == FACET_BECKMANN ? 50 : 8;
+    if (is_turned(b)) return 2 * fmax(4, b->material.table->turned_gain);
+    return b->material.ndf == FACET_BECKMANN ? 50 : 8;
 }
 
 /* max |dF/dc| / F over the cells, where an error of c meets an F that is not 0. */
@@ -186,19 +192,21 @@ static bool float_domain(const facet_brdf *b, facet_quantity quantity)
 
 /*
  * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest.
- * Behind the mean facet sigma is all excess, and right to psi_error.
+ * Behind the mean facet sigma is all excess, and right to psi_error; over the azimuth it is not told there,
+ * and its error is measured along few azimuths.
  */
 static double table_error(const facet_brdf *b, facet_quantity quantity)
 {
     if (b->material.ndf != FACET_TABULATED || quantity == FACET_D) return 0;
     const facet_slope_table *table = b->material.table;
+    if (is_turned(b)) return 6 * table->sigma_error;
     bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
     return fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
 }
 
 static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
 {
-    double gain = slope_gain(b->material.ndf);
+    double gain = slope_gain(b);
     /* In precise what the map adds is in the rows. */
     double general = b->shape == KERNEL_ISO || tier == FACET_PRECISE ? 1 : 2;
     return base * general + gain * form_rounding(tier) * form_condition(b) + exponent_error(b, tier) +

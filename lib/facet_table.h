@@ -1,5 +1,5 @@
 /*
- * facet_table.h - tabulated radial slope distributions.
+ * facet_table.h - tabulated slope distributions, radial or over the azimuth as well.
  *
  * The table holds log D(theta), D the normal distribution at alpha = 1, at n
  * nodes uniform in u = tan theta / (scale + tan theta), u = 0 .. 1 (the last
@@ -29,6 +29,25 @@ extern "C" {
 facet_status facet_slope_table_create(double scale, const double *log_d, size_t n,
                                       facet_slope_table **table);
 void facet_slope_table_destroy(facet_slope_table *table); /* NULL is allowed */
+
+#define FACET_TABLE_TURNS_MIN 4
+#define FACET_TABLE_TURNS_MAX 180
+#define FACET_TURNED_NODES_MAX 16384 /* of all rows */
+
+/*
+ * A distribution that is not radial: turns rows of n such nodes, row j at the azimuth pi j/turns of
+ * the slope (of the normal, or of its opposite).  P(-x) = P(x), so that half a turn is all of it
+ * and the mean slope is (0, 0); the material's roughness stretches and turns it, as it does a
+ * radial table.  The first node is the normal, where all rows must agree.  Along the azimuth it is
+ * interpolated as along u.
+ *
+ * A material of it has no mean slope, and sigma_o, D_vis and pdf are told for wo above the horizon:
+ * from below, where only the tails are seen, facet_bound does not hold.  Samples of TABLE and NDF:
+ * u1 is the azimuth, u2 the slope along it; their density is the pdf to the error of interpolated
+ * CDFs (5e-6 in a smooth table, 3e-5 in one of a Beckmann surface of axes 1 : 5 at 45 rows).
+ */
+facet_status facet_slope_table_create_turned(double scale, const double *log_d, size_t n,
+                                             size_t turns, facet_slope_table **table);
 
 #ifdef __cplusplus
 }

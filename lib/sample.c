@@ -66,8 +66,9 @@ struct drawn {
 /* A method that a tier does not have runs in the next. */
 static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 {
-    kernel_sample_fn *of_table = facet_table_draw(d->method);
-    if (of_table && d->surface.table) {
+    const struct kernel_table *table = d->surface.table;
+    kernel_sample_fn *of_table = facet_table_draw(d->method, table && facet_slope_table_is_turned(table));
+    if (of_table && table) {
         *io = KERNEL_DOUBLE;
         return of_table;
     }
@@ -132,6 +133,9 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     if (status) return status;
     d->surface = d->brdf->surface;
     if (d->density == FACET_SAMPLER_TABLE) d->surface.table = &facet_table_of(d->brdf->material.ndf)->view;
+    const facet_slope_table *own = d->brdf->material.table;
+    bool is_turned = d->surface.table && facet_slope_table_is_turned(d->surface.table);
+    if (is_turned && d->method != FACET_SAMPLER_COSINE && !facet_slope_table_rays(own)) return FACET_NO_MEMORY;
     kernel_sample_fn *sample = find_draw(d, &io);
     if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n;) {

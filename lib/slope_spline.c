@@ -51,12 +51,6 @@ static void limit_slopes(const double *y, size_t n, double *m)
     }
 }
 
-/*
- * A smooth surface has dD/dr = 0 at r = 0, where log_q = log D - 4 log(1 - u) + O(u^2):
- * its derivative by u there.
- */
-#define START_SLOPE 4.0
-
 /* A step this high, and so many times that of a cell beside it, is an edge and not a slope. */
 #define CLIFF_STEP 20.0
 #define CLIFF_RATIO 16.0
@@ -182,13 +176,13 @@ static void tabulate_stretch(const double *y, size_t n, const double *first, siz
 }
 
 /* Between the breaks; ramps across them: a spline across would ring far into both sides. */
-void facet_slope_spline(const double *y, size_t n, size_t parts, double *c, double *work)
+void facet_slope_spline(const double *y, size_t n, size_t parts, const double *first, double *c, double *work)
 {
-    double first = START_SLOPE / (double)(n - 1), ramp[4];
+    double ramp[4];
     for (size_t start = 0, end; start < n; start = end + 1) {
         for (end = start; end + 1 < n && !breaks(y, n, end); end++) continue;
         if (end > start)
-            tabulate_stretch(y + start, end - start + 1, start == 0 ? &first : NULL, parts,
+            tabulate_stretch(y + start, end - start + 1, start == 0 ? first : NULL, parts,
                              c + 4 * parts * start, work);
         if (end + 1 == n) continue;
         slope_ramp(y[end], y[end + 1], ramp);

@@ -37,7 +37,13 @@ static inline bool slope_log_is_zero(double y)
 /* Cubics to a cell, 1 to SLOPE_PARTS_MAX, with which y, log_q at n nodes, is told where it matters. */
 size_t facet_slope_parts(const double *y, size_t n);
 
-/* Coefficients of (n - 1) parts cubics.  work holds 2 n. */
-void facet_slope_spline(const double *y, size_t n, size_t parts, double *c, double *work);
+/*
+ * A smooth surface has dD/dr = 0 at r = 0, where log_q = log D - 4 log(1 - u) + O(u^2):
+ * its derivative by u there.
+ */
+#define SLOPE_LOG_Q_START 4.0
+
+/* Coefficients of (n - 1) parts cubics.  first: the derivative, per cell, at the first node; NULL: unknown.  work holds 2 n. */
+void facet_slope_spline(const double *y, size_t n, size_t parts, const double *first, double *c, double *work);
 
 #endif

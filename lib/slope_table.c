@@ -1,6 +1,7 @@
 #include "slope_table.h"
 
 #include "slope_quantile.h"
+#include "slope_sheet.h"
 #include "slope_spline.h"
 
 #include <math.h>
@@ -107,7 +108,7 @@ static void tabulate_sigma(facet_slope_table *table, const struct slope_pieces *
 
 /* ---- The table -------------------------------------------------------------------------- */
 
-static bool nodes_are_valid(double scale, const double *log_d, size_t n)
+bool facet_slope_nodes_valid(double scale, const double *log_d, size_t n)
 {
     if (!(scale >= SCALE_MIN && scale <= SCALE_MAX)) return false;
     double peak = -INFINITY;
@@ -124,19 +125,25 @@ static double log_d_over_q(double scale, double u)
     return 2 * log((1 - u) * (1 - u) + scale * u * (scale * u));
 }
 
-/* log_q at the nodes relative to the peak, so that no exp overflows before the table is normalised.
- */
-static void start_nodes(double scale, const double *log_d, size_t n, double *y)
+void facet_slope_start_nodes(double scale, const double *log_d, size_t n, size_t rows, double *y)
 {
     double peak = -INFINITY;
-    for (size_t i = 0; i < n; i++) {
-        y[i] = log_d[i] - log_d_over_q(scale, (double)i / (double)(n - 1));
+    for (size_t i = 0; i < rows * n; i++) {
+        y[i] = log_d[i] - log_d_over_q(scale, (double)(i % n) / (double)(n - 1));
         peak = fmax(peak, y[i]);
     }
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < rows * n; i++) {
         y[i] -= peak;
         if (log_d[i] <= LOG_D_ZERO || y[i] <= LOG_D_ZERO) y[i] = KERNEL_LOG_ZERO;
     }
+}
+
+bool facet_slope_normalise(double norm, double *y, size_t n)
+{
+    if (!(norm > 0) || !isfinite(norm)) return false;
+    for (size_t i = 0; i < n; i++)
+        if (!slope_log_is_zero(y[i])) y[i] = fmax(y[i] - log(norm), KERNEL_LOG_ZERO);
+    return true;
 }
 
 static void measure_log_q(facet_slope_table *table)
@@ -157,23 +164,22 @@ static void measure_log_q(facet_slope_table *table)
 
 static facet_status fill(facet_slope_table *table, const double *log_d, size_t n, double *work)
 {
-    double *c = table->coefficients, *y = work, *rest = work + n;
+    double *c = table->coefficients, *y = work, *rest = work + n,
+           first = SLOPE_LOG_Q_START / (double)(n - 1);
     struct psi_node *node = (struct psi_node *)(work + 3 * n), *between = node + PSI_CELLS_MAX + 1;
     struct slope_pieces *pieces = &table->pieces;
-    start_nodes(table->view.slope_scale, log_d, n, y);
+    facet_slope_start_nodes(table->view.slope_scale, log_d, n, 1, y);
     size_t parts = facet_slope_parts(y, n), cells = (n - 1) * parts;
     table->view.log_q = (struct kernel_cubic){c, cells};
     for (int pass = 0; pass < 2; pass++) { /* pass 0 finds the norm */
-        facet_slope_spline(y, n, parts, c, rest);
+        facet_slope_spline(y, n, parts, &first, c, rest);
         facet_status status =
             facet_slope_pieces_create(table->view.slope_scale, table->view.log_q, pieces);
         if (status != FACET_OK) return status;
         if (pass == 1) break;
         double norm = pieces->piece[0].mass;
         facet_slope_pieces_clear(pieces);
-        if (!(norm > 0) || !isfinite(norm)) return FACET_BAD_TABLE;
-        for (size_t i = 0; i < n; i++)
-            if (!slope_log_is_zero(y[i])) y[i] = fmax(y[i] - log(norm), KERNEL_LOG_ZERO);
+        if (!facet_slope_normalise(norm, y, n)) return FACET_BAD_TABLE;
     }
     measure_log_q(table);
     table->quantile_gain = facet_slope_quantile_gain(pieces);
@@ -186,7 +192,7 @@ facet_status facet_slope_table_create(double scale, const double *log_d, size_t 
 {
     *table = NULL;
     if (n < FACET_TABLE_NODES_MIN || n > FACET_TABLE_NODES_MAX) return FACET_BAD_SIZE;
-    if (!nodes_are_valid(scale, log_d, n)) return FACET_BAD_TABLE;
+    if (!facet_slope_nodes_valid(scale, log_d, n)) return FACET_BAD_TABLE;
     facet_slope_table *made =
         calloc(1, sizeof *made + 4 * (SLOPE_PARTS_MAX * (n - 1) + PSI_CELLS_MAX) * sizeof(double));
     double *work = malloc((3 * n + 4 * (PSI_CELLS_MAX + 1)) * sizeof *work);
@@ -205,7 +211,10 @@ facet_status facet_slope_table_create(double scale, const double *log_d, size_t 
 
 void facet_slope_table_destroy(facet_slope_table *table)
 {
-    if (table) facet_slope_pieces_clear(&table->pieces);
+    if (table) {
+        facet_slope_pieces_clear(&table->pieces);
+        free(table->rays);
+    }
     free(table);
 }
 
@@ -217,4 +226,11 @@ double facet_slope_table_log_d(const facet_slope_table *table, double r)
     const double *c = log_q.c + 4 * i;
     double t = x - (double)i;
     return c[0] + t * (c[1] + t * (c[2] + t * c[3])) + log_d_over_q(table->view.slope_scale, u);
+}
+
+double facet_slope_table_log_d_along(const facet_slope_table *table, double r, double azimuth)
+{
+    double u = r / (table->view.slope_scale + r);
+    return slope_sheet_at(table->view.turned_q, u, azimuth) +
+           log_d_over_q(table->view.slope_scale, u);
 }

@@ -7,6 +7,8 @@
 #include "facet_table.h"
 #include "slope_pieces.h"
 
+#include <stdatomic.h>
+
 /*
  * The model is D as view.log_q tabulates it: exact up to rounding.  sigma is
  * the integral of that D, tabulated in turn, so it carries an error of its own,
@@ -20,10 +22,31 @@ struct facet_slope_table {
     double log_q_max;      /* largest |log_q| where it matters, that is, above log(FACET_FLOOR) */
     double log_q_slope;    /* largest |d log_q / du| there: what rounding of u costs */
     double quantile_gain;  /* slope_quantile.h */
+    /* Of a table that is not radial, whose pieces are empty: */
+    double turned_gain;                  /* slope_turned.h's gain */
+    _Atomic(struct slope_rays *) rays; /* for sampling; NULL until it is asked for */
     double coefficients[]; /* of log_q, then of log_psi */
 };
 
+static inline bool facet_slope_table_is_turned(const struct kernel_table *view)
+{
+    return view->turned_q.turns > 0;
+}
+
+/* What sampling needs of a table that is not radial; NULL: out of memory. */
+const struct slope_rays *facet_slope_table_rays(const facet_slope_table *table);
+
+bool facet_slope_nodes_valid(double scale, const double *log_d, size_t n);
+
+/* log_q at rows of n nodes relative to the peak, so that no exp overflows before the table is normalised. */
+void facet_slope_start_nodes(double scale, const double *log_d, size_t n, size_t rows, double *y);
+
+/* False where there is no norm. */
+bool facet_slope_normalise(double norm, double *y, size_t n);
+
 /* log D at slope r = tan theta, as the kernels evaluate it. */
 double facet_slope_table_log_d(const facet_slope_table *table, double r);
+/* Of one over the azimuth, in units of pi, in [0, 1]. */
+double facet_slope_table_log_d_along(const facet_slope_table *table, double r, double azimuth);
 
 #endif

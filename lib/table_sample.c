@@ -8,6 +8,8 @@
 
 #include "brdf.h"
 #include "slope_quantile.h"
+#include "slope_rays.h"
+#include "slope_sheet.h"
 #include "slope_table.h"
 
 #include <float.h>
@@ -104,11 +106,50 @@ static void draw_any(const struct kernel_surface *f, const struct kernel_job *jo
     }
 }
 
-kernel_sample_fn *facet_table_draw(facet_sampler sampler)
+/* ---- Over the azimuth --------------------------------------------------------------------------- */
+
+static double turned_sigma(const struct kernel_table *table, struct viewer o, double azimuth)
+{
+    double length = table->slope_scale * o.s, whole = length + o.c;
+    return o.c + length * (length / whole) * exp(slope_sheet_at(table->turned_psi, o.c / whole, azimuth));
+}
+
+static struct drawn turned(const struct slope_ray_view *view, const struct kernel_job *job, size_t k)
+{
+    struct slope_ray_place p = facet_slope_ray_draw(view, ((const double *)job->u[0])[k], ((const double *)job->u[1])[k]);
+    double radius = view->table->slope_scale * p.u;
+    return (struct drawn){radius * cos(p.azimuth), radius * sin(p.azimuth), 1 - p.u, p.q};
+}
+
+static void draw_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+{
+    const struct slope_rays *rays = facet_slope_table_rays((const facet_slope_table *)f->table);
+    struct slope_ray_view view = {.c = NAN};
+    for (size_t k = 0; k < n; k++) {
+        struct viewer o = viewer_at(f, job, k);
+        if (!(o.c > 0)) { /* from behind nothing is told (facet_table.h) */
+            put(f, job, k, o, towards(o), 4);
+            continue;
+        }
+        double azimuth = atan2(o.b, o.a) / acos(-1);
+        if (!(view.c == o.c && view.s == o.s && view.psi == azimuth))
+            facet_slope_ray_view(f->table, rays, o.c, o.s, azimuth, &view);
+        put(f, job, k, o, turned(&view, job, k), 4 * turned_sigma(f->table, o, azimuth - floor(azimuth)));
+    }
+}
+
+static void draw_any_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+{
+    struct slope_ray_view view;
+    facet_slope_ray_view(f->table, facet_slope_table_rays((const facet_slope_table *)f->table), 1, 0, 0, &view);
+    for (size_t k = 0; k < n; k++) put(f, job, k, viewer_at(f, job, k), turned(&view, job, k), 0);
+}
+
+kernel_sample_fn *facet_table_draw(facet_sampler sampler, bool is_turned)
 {
     switch (sampler) {
-    case FACET_SAMPLER_TABLE: return draw_table;
-    case FACET_SAMPLER_NDF: return draw_any;
+    case FACET_SAMPLER_TABLE: return is_turned ? draw_turned : draw_table;
+    case FACET_SAMPLER_NDF: return is_turned ? draw_any_turned : draw_any;
     default: return NULL;
     }
 }

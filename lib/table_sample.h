@@ -4,7 +4,7 @@
 
 #include "kernel/kernels.h"
 
-/* The draw of a method for a tabulated surface, on doubles; NULL: there is none here. */
-kernel_sample_fn *facet_table_draw(facet_sampler sampler);
+/* The draw of a method for a surface tabulated radially or over the azimuth, on doubles; NULL: there is none here. */
+kernel_sample_fn *facet_table_draw(facet_sampler sampler, bool is_turned);
 
 #endif

@@ -16,6 +16,15 @@ struct kernel_cubic {
 };
 
 /*
+ * Bicubic patches on uniform cells of [0, 1] x [0, 1), the second periodic: of cell i and turn j,
+ * c[16 (cells j + i) + 4 k + m] multiplies s^k t^m, t in [0, 1] local to the cell, s to the turn.
+ */
+struct kernel_sheet {
+    const double *c;
+    size_t cells, turns;
+};
+
+/*
  * A tabulated radial slope distribution at alpha = 1.  With r = tan theta and b = slope_scale,
  *   u = r / (b + r)              P(r) = exp(log_q(u)) (1 - u)^4,  D(theta) = P (1 + r^2)^2,
  * free of division by h_z: with R the length of the standard slopes times H_z,
@@ -26,12 +35,16 @@ struct kernel_cubic {
  * resolves sigma of narrow tables; the factor w leaves log_psi smooth at 0.)
  * Where D or sigma - max(c, 0) counts as 0 the cubics lie at KERNEL_LOG_ZERO:
  * exp must answer 0 there, and is never handed less.
+ *
+ * One that is not radial, P(-x) = P(x), has sheets in place of the cubics, over the azimuth of the slope,
+ * in units of pi, as well: turned_q(u, azimuth), and turned_psi(1 - w, azimuth of k).
  */
 #define KERNEL_LOG_ZERO (-800.0)
 
 struct kernel_table {
     double slope_scale;
     struct kernel_cubic log_q, log_psi;
+    struct kernel_sheet turned_q, turned_psi; /* no turns: it is radial */
 };
 
 /*

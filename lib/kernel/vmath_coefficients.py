@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Prints vmath_coefficients.h: polynomial fits by mpmath and numpy (run once; the output is committed)."""
 import numpy
-from mpmath import mp, mpf, sqrt, pi, exp, erfc, sin, cos, log, cos as mcos
+from mpmath import mp, mpf, sqrt, pi, exp, erfc, sin, cos, log, atan, cos as mcos
 
 mp.dps = 60
 
@@ -133,6 +133,9 @@ show("EXP2", lambda r: mpf(2) ** r, -mpf(1) / 2, mpf(1) / 2, (3, 5, 9, None), "2
 eighth = mpf(1) / 64  # f^2, f in [-1/8, 1/8] turns
 show("SINPI", lambda y: sin(2 * pi * sqrt(y)) / sqrt(y) if y else 2 * pi, "1e-30", eighth, (2, 4, 6, 8), "sin(2 pi f)/f over f^2")
 show("COSPI", lambda y: cos(2 * pi * sqrt(y)), 0, eighth, (3, 4, 6, 8), "cos(2 pi f) over f^2")
+END = mpf("0.4142135623731")  # tan(pi/8)
+print(f"#define ATAN_END {mp.nstr(END, 13)}")
+show("ATAN", lambda y: atan(sqrt(y)) / sqrt(y) / pi, "1e-30", END * END, (None, None, None, 11), "atan(z)/(pi z) over z^2")
 # Centred on t = 2 w - 1, where the monomials stay small (uncentred, 26 terms lose two digits in double).
 K = mpf(3)
 print("/* w = ERFC_SCALE / (ERFC_SCALE + v) */\n#define ERFC_SCALE 3")

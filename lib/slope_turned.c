@@ -1,0 +1,132 @@
+#include "slope_turned.h"
+
+#include "gauss.h"
+#include "slope_sheet.h"
+
+#include <math.h>
+
+#define PI 3.14159265358979323846
+
+struct slope_spread facet_slope_spread(const double width[4])
+{
+    double square[4];
+    for (int k = 0; k < 4; k++) square[k] = width[k] * width[k];
+    double mean = (square[0] + square[1] + square[2] + square[3]) / 4,
+           half = (square[0] - square[2]) / 2;
+    return (struct slope_spread){fmax(mean + half, 1e-3 * mean), fmax(mean - half, 1e-3 * mean),
+                                 (square[1] - square[3]) / 2};
+}
+
+/* ---- Over the plane ----------------------------------------------------------------------- */
+
+enum { POINTS_U = 4, POINTS_TURN = 3, PARTS_MAX = 64 };
+/* Variation of log_q on one part: its Gauss rules integrate exp over it to 1e-9 and 1e-8. */
+#define VARIATION_U 1.0
+#define VARIATION_TURN 0.5
+/* So far below the peak there is nothing to add. */
+#define NEGLIGIBLE 80.0
+enum { LOOKS = 3 };
+
+struct plane {
+    const struct kernel_table *table;
+    double node_u[POINTS_U], weight_u[POINTS_U], node_turn[POINTS_TURN], weight_turn[POINTS_TURN];
+    double peak;
+    struct slope_sums sums;
+};
+
+/* Values of a patch at LOOKS x LOOKS places, rows along u. */
+struct patch {
+    double y[LOOKS][LOOKS], peak;
+    size_t parts_u, parts_turn;
+};
+
+/* As many as keep the variation of one below the limit, `step` being that over one of LOOKS - 1. */
+static size_t parts_of(double step, double limit)
+{
+    return (size_t)fmin(PARTS_MAX, fmax(1, ceil((LOOKS - 1) * step / limit)));
+}
+
+static struct patch look_at(const struct plane *p, size_t i, size_t j)
+{
+    struct kernel_sheet sheet = p->table->turned_q;
+    struct patch patch = {.peak = -INFINITY};
+    double most_u = 0, most_turn = 0;
+    for (int k = 0; k < LOOKS; k++) {
+        for (int m = 0; m < LOOKS; m++) {
+            double y = slope_patch_at(sheet.c + 16 * (sheet.cells * j + i), m / (LOOKS - 1.),
+                                      k / (LOOKS - 1.));
+            patch.y[k][m] = y;
+            patch.peak = fmax(patch.peak, y);
+            if (m) most_u = fmax(most_u, fabs(y - patch.y[k][m - 1]));
+            if (k) most_turn = fmax(most_turn, fabs(y - patch.y[k - 1][m]));
+        }
+    }
+    patch.parts_u = parts_of(most_u, VARIATION_U);
+    patch.parts_turn = parts_of(most_turn, VARIATION_TURN);
+    return patch;
+}
+
+/* The steepest that log D is in a patch: D = P (1 + r^2)^2, with P = exp(log_q) (1 - u)^4 and d u/d
+ * log r = u (1 - u). */
+static void measure_gain(struct plane *p, const struct patch *patch, size_t i)
+{
+    struct kernel_sheet sheet = p->table->turned_q;
+    double per_u = (LOOKS - 1) * (double)sheet.cells,
+           per_turn = (LOOKS - 1) * (double)sheet.turns / PI;
+    for (int k = 0; k < LOOKS; k++) {
+        for (int m = 0; m < LOOKS; m++) {
+            double u = ((double)i + m / (LOOKS - 1.)) / (double)sheet.cells, y = patch->y[k][m];
+            if (y < p->peak + log(FACET_FLOOR)) continue;
+            if (m)
+                p->sums.gain =
+                    fmax(p->sums.gain, 4 + u * (1 - u) * per_u * fabs(y - patch->y[k][m - 1]));
+            if (k) p->sums.gain = fmax(p->sums.gain, per_turn * fabs(y - patch->y[k - 1][m]));
+        }
+    }
+}
+
+/* What a line of one azimuth, cut into parts, adds to the integrals of P and of P r. */
+static void add_line(struct plane *p, double u0, double du, size_t parts, double azimuth,
+                     double weight)
+{
+    double b = p->table->slope_scale, mass = 0, moment = 0;
+    for (size_t m = 0; m < parts * POINTS_U; m++) {
+        double u = u0 + du * ((double)(m / POINTS_U) + p->node_u[m % POINTS_U]);
+        double q =
+            u * p->weight_u[m % POINTS_U] * exp(slope_sheet_at(p->table->turned_q, u, azimuth));
+        mass += (1 - u) * q; /* P r dr = b^2 u (1 - u) exp(log_q) du */
+        moment += u * q;
+    }
+    p->sums.mass += weight * du * b * b * mass;
+    for (int k = 0; k < 4; k++)
+        p->sums.mean[k] += weight * du * b * b * b * moment * fabs(cos(PI * (azimuth - k / 4.)));
+}
+
+static void add_patch(struct plane *p, size_t i, size_t j)
+{
+    struct kernel_sheet sheet = p->table->turned_q;
+    struct patch patch = look_at(p, i, j);
+    measure_gain(p, &patch, i);
+    if (patch.peak < p->peak - NEGLIGIBLE) return;
+    double du = 1 / ((double)sheet.cells * (double)patch.parts_u),
+           da = 1 / ((double)sheet.turns * (double)patch.parts_turn);
+    for (size_t k = 0; k < patch.parts_turn * POINTS_TURN; k++) {
+        double azimuth = (double)j / (double)sheet.turns +
+                         da * ((double)(k / POINTS_TURN) + p->node_turn[k % POINTS_TURN]);
+        add_line(p, (double)i / (double)sheet.cells, du, patch.parts_u, azimuth,
+                 2 * PI * da * p->weight_turn[k % POINTS_TURN]);
+    }
+}
+
+struct slope_sums facet_slope_sums(const struct kernel_table *table)
+{
+    struct kernel_sheet sheet = table->turned_q;
+    struct plane p = {.table = table, .peak = -INFINITY};
+    facet_gauss_legendre(POINTS_U, p.node_u, p.weight_u);
+    facet_gauss_legendre(POINTS_TURN, p.node_turn, p.weight_turn);
+    for (size_t k = 0; k < sheet.cells * sheet.turns; k++) p.peak = fmax(p.peak, sheet.c[16 * k]);
+    for (size_t j = 0; j < sheet.turns; j++)
+        for (size_t i = 0; i < sheet.cells; i++) add_patch(&p, i, j);
+    for (int k = 0; k < 4; k++) p.sums.mean[k] /= p.sums.mass;
+    return p.sums;
+}
