@@ -70,7 +70,7 @@ facet_status api_surface_eval(const struct surface *surface, facet_tier tier, fa
                               facet_vec3_in wi, facet_vec3_in wo, size_t n,
                               const facet_outputs *outputs)
 {
-    if (surface->bsdf) return facet_bsdf_eval(surface->bsdf, wi, wo, n, outputs);
+    if (surface->bsdf) return facet_bsdf_eval(surface->bsdf, tier, wi, wo, n, outputs);
     facet_outputs evaluated = *outputs;
     double *pdf = sampler == FACET_SAMPLER_AUTO ? NULL : outputs->of[FACET_PDF][0];
     if (pdf) evaluated.of[FACET_PDF][0] = NULL;
