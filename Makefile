@@ -50,7 +50,11 @@ endif
 OWN_asan := fast-float fast-double precise-double
 OWN      := $(if $(filter asan tsan fuzz,$(VARIANT)),$(OWN_$(VARIANT)),$(KERNEL_FORMS))
 kernel_of = $(if $(filter $2,$(OWN)),$(B),build/release)/lib/kernel/$1-$2-$3.o
-KERNELS  := $(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(call kernel_of,$k,$f,$i))))
+# Each source and the forms that it has; rough dielectrics take doubles alone.
+FORMS_kernel     := $(KERNEL_FORMS)
+FORMS_sampler    := $(KERNEL_FORMS)
+FORMS_refraction := $(filter %-double,$(KERNEL_FORMS))
+KERNELS  := $(foreach k,kernel sampler refraction,$(foreach f,$(FORMS_$k),$(foreach i,$(ISAS),$(call kernel_of,$k,$f,$i))))
 
 # ---- layers: what each may include and link -------------------------------------
 obj     = $(patsubst %.c,$(B)/%.o,$(wildcard $1/*.c))
@@ -109,7 +113,7 @@ $(call kernel_of,$1,$2-$3,$4): lib/kernel/$1.c Makefile
 	@mkdir -p $$(@D)
 	$(if $(filter $2-$3,$(OWN)),$$(CC),$$(RELEASE_CC)) $$(BASE) $$(CFLAGS) $(if $(filter $2-$3,$(OWN)),$$(KFLAGS_own),$$(KFLAGS_release)) $$(ISA_$4) -Ilib -DFACET_TIER=$2 -DFACET_TIER_$2=1 -DFACET_IO=$3 -DFACET_IO_$3=1 -DFACET_ISA=$4 -MMD -MP -c -o $$@ $$<
 endef
-$(foreach k,kernel sampler,$(foreach f,$(KERNEL_FORMS),$(foreach i,$(ISAS),$(eval $(call kernel,$k,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i)))))
+$(foreach k,kernel sampler refraction,$(foreach f,$(FORMS_$k),$(foreach i,$(ISAS),$(eval $(call kernel,$k,$(firstword $(subst -, ,$f)),$(lastword $(subst -, ,$f)),$i)))))
 $(B)/lib/dispatch.o: CPPFLAGS += '-DFACET_ISAS=$(foreach i,$(ISAS),ISA($i))'
 
 $(B)/%.o: %.c Makefile

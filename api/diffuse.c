@@ -107,7 +107,7 @@ facet_status api_surface_eval(const struct surface *surface, facet_tier tier, fa
                               facet_vec3_in wi, facet_vec3_in wo, size_t n,
                               const facet_outputs *outputs)
 {
-    if (surface->bsdf) return facet_bsdf_eval(surface->bsdf, wi, wo, n, outputs);
+    if (surface->bsdf) return facet_bsdf_eval(surface->bsdf, tier, wi, wo, n, outputs);
     facet_status status = eval_specular(surface, tier, sampler, wi, wo, n, outputs);
     if (status != FACET_OK || !surface->has_diffuse) return status;
     if (outputs->of[FACET_FR][0]) add_lambert(surface, wi, wo, n, false, outputs->of[FACET_FR]);

@@ -55,8 +55,8 @@ static const struct field model_fields[] = {
     {F(model, masking), FIELD_SET, .names = api_masking_names, .doc = "maskings, of microfacets"},
     {F(model, shear), FIELD_SET, .names = api_shear_names, .doc = "forms of shear, of microfacets"},
     {F(model, transmission), FIELD_BOOL, FIELD_MUST,
-     .doc = "also as a rough dielectric with transmission: precise, smith maskings, energy_safe, "
-            "visible normals"},
+     .doc = "also as a rough dielectric with transmission: smith maskings, energy_safe, visible normals; "
+            "the tiers' domains say what each has of it"},
     {0},
 };
 

@@ -274,8 +274,8 @@ static bool compute(struct call *call, struct job *job)
         api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
         facet_status status =
-            job->surface.bsdf ? facet_bsdf_sample(job->surface.bsdf, job->sampler, from, job->u[0], job->u[1],
-                                                  job->u[2], n, &samples)
+            job->surface.bsdf ? facet_bsdf_sample(job->surface.bsdf, job->promise.tier, job->sampler, from, job->u[0],
+                                                  job->u[1], job->u[2], n, &samples)
                               : api_surface_sample(&job->surface, job->promise.tier, job->sampler, from,
                                                    job->u[0], job->u[1], n, &samples);
         if (status) return api_problem_status(call->problem, status, NULL);

@@ -70,12 +70,11 @@ bool api_transmission_refuse(const struct material *m, const struct place *place
 bool api_transmission_bound(const struct surface *surface, facet_tier tier, facet_quantity quantity,
                             double input_error, double *bound)
 {
-    return tier == FACET_PRECISE && facet_bsdf_bound(surface->bsdf, quantity, input_error, bound);
+    return facet_bsdf_bound(surface->bsdf, tier, quantity, input_error, bound);
 }
 
 bool api_transmission_sample_bound(const struct surface *surface, facet_tier tier, facet_sampler sampler,
                                    bool is_dense, double input_error, double *bound)
 {
-    return tier == FACET_PRECISE &&
-           facet_bsdf_sample_bound(surface->bsdf, sampler, is_dense, input_error, bound);
+    return facet_bsdf_sample_bound(surface->bsdf, tier, sampler, is_dense, input_error, bound);
 }

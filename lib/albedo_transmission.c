@@ -31,7 +31,7 @@ struct walk {
     facet_watch watch;
     size_t budget, spent, since_asked;
     /* Of the direction at hand: */
-    const struct side *side;
+    const struct kernel_side *side;
     struct albedo_view view;
     double sigma_o, cosine_o, absolute, relative;
     bool half;
@@ -42,7 +42,8 @@ struct walk {
 
 struct points {
     double up[3][POINTS]; /* -wi */
-    double normal[3][POINTS], density[POINTS], sigma[POINTS], factor[POINTS];
+    double normal[3][POINTS], density[POINTS], sigma[POINTS], cosine[POINTS], kept[POINTS];
+    double c[POINTS], g[POINTS], share[POINTS], factor[POINTS]; /* of T, T, and what else there is */
 };
 
 /* u at t, piece j over [j, j + 1], by a step that is flat at its ends: T leaves the critical angle like a root. */
@@ -55,7 +56,7 @@ static double slope_of(const struct walk *w, double t, double *dr_dt)
     return u / rest;
 }
 
-/* q T r dr/dt of the normal at r, and where it refracts to; 0 where it does not. */
+/* q r dr/dt of the normal at r, and where it refracts to; 0 where it does not. */
 static void place(const struct walk *w, double t, struct points *p, int i)
 {
     const facet_roughness *m = &w->surface.roughness;
@@ -68,11 +69,14 @@ static void place(const struct walk *w, double t, struct points *p, int i)
     p->up[2][i] = (w->view.z + bend) / n;
     p->normal[0][i] = -0.5 * r, p->normal[1][i] = 0, p->normal[2][i] = 0.5;
     p->factor[i] = 0;
+    p->c[i] = p->g[i] = 1;
     if (!(c > 0 && g2 > 0 && p->up[2][i] > 0)) {
         p->up[0][i] = p->up[1][i] = 0, p->up[2][i] = 1;
         return;
     }
-    p->factor[i] = q * r * dr_dt * facet_transmittance(n, c, g);
+    p->c[i] = c;
+    p->g[i] = g;
+    p->factor[i] = q * r * dr_dt;
 }
 
 static facet_status along_radius(void *user, const double at[POINTS], struct integral of[POINTS])
@@ -87,10 +91,13 @@ static facet_status along_radius(void *user, const double at[POINTS], struct int
     w->budget -= w->budget < POINTS ? w->budget : POINTS;
     w->spent += POINTS;
     w->since_asked += POINTS;
+    for (int i = 0; i < POINTS; i++)
+        p.cosine[i] = facet_mean_cosine(&w->bsdf->ideal->surface, p.up[0][i], p.up[1][i], p.up[2][i]);
+    facet_transmittance(w->side->index, p.c, p.g, POINTS, p.share);
+    facet_transmission_masking(w->bsdf, w->sigma_o, w->cosine_o, p.sigma, p.cosine, POINTS, p.kept);
     for (int i = 0; i < POINTS; i++) {
-        double r = -2 * p.normal[0][i], sec2 = 1 + r * r, c = facet_mean_cosine(&w->bsdf->ideal->surface, p.up[0][i], p.up[1][i], p.up[2][i]);
-        double kept = facet_transmission_masking(w->bsdf, w->sigma_o, w->cosine_o, p.sigma[i], c);
-        double value = p.factor[i] * kept * (p.density[i] / (sec2 * sec2)) / w->sigma_o;
+        double r = -2 * p.normal[0][i], sec2 = 1 + r * r;
+        double value = p.factor[i] * p.share[i] * p.kept[i] * (p.density[i] / (sec2 * sec2)) / w->sigma_o;
         of[i].value[0] = isfinite(value) ? value : 0;
         of[i].error[0] = isfinite(value) ? 0 : INFINITY;
     }
@@ -178,8 +185,8 @@ static facet_status integrate_direction(struct walk *w, const double wo[3], doub
     facet_status status = facet_eval(w->bsdf->ideal, FACET_PRECISE, from, from, 1, &area);
     if (!status) status = integrate_rays(w, 0, &rough);
     if (!status) status = integrate_rays(w, 0.5 * tolerance * rough.value[0], &fine);
-    if (!facet_bsdf_bound(w->bsdf, FACET_FR_COS, 0, &bound)) bound = INFINITY;
-    double scale = (w->half ? 2 : 1) * facet_transport_scale(w->bsdf, side);
+    if (!facet_bsdf_bound(w->bsdf, FACET_PRECISE, FACET_FR_COS, 0, &bound)) bound = INFINITY;
+    double scale = (w->half ? 2 : 1) * w->side->scale;
     out->value[0] = scale * fine.value[0];
     /* The rules' differences are no proof: nothing far below what was aimed at is claimed. */
     out->error[0] = scale * fmax(fine.error[0] + fine.value[0] * bound, 0.1 * tolerance * fine.value[0]);
@@ -233,7 +240,7 @@ facet_status facet_bsdf_albedo(const facet_bsdf *b, facet_vec3_in wo, size_t n, 
         const int side = facet_side(wo.z[i]);
         const double turn = side == BELOW ? -1 : 1, up[3] = { turn * wo.x[i], turn * wo.y[i], turn * wo.z[i] };
         facet_vec3_in from = { &up[0], &up[1], &up[2] };
-        status = facet_albedo(&b->side[side].brdf->material, from, 1, options, &reflected[i], &own);
+        status = facet_albedo(&b->brdf[side]->material, from, 1, options, &reflected[i], &own);
         /* From below its index is 1/eta rounded, which moves the critical angle by as much. */
         reflected[i].error[0] += 16 * DBL_EPSILON * reflected[i].value[0];
         spent += own;

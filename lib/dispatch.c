@@ -9,30 +9,36 @@
 #include <string.h>
 
 /* FORM(tier, TIER, io, IO): what is compiled for each instruction set. */
-#define FORMS(FORM, isa)                                                        \
-    FORM(draft, DRAFT, float, FLOAT, isa)                                       \
+#define FORMS_OF_DOUBLES(FORM, isa)                                             \
     FORM(draft, DRAFT, double, DOUBLE, isa)                                     \
-    FORM(fast, FAST, float, FLOAT, isa)                                         \
     FORM(fast, FAST, double, DOUBLE, isa)                                       \
-    FORM(exact32, EXACT32, float, FLOAT, isa)                                   \
     FORM(exact32, EXACT32, double, DOUBLE, isa)                                 \
     FORM(precise, PRECISE, double, DOUBLE, isa)
+#define FORMS(FORM, isa)                                                        \
+    FORM(draft, DRAFT, float, FLOAT, isa)                                       \
+    FORM(fast, FAST, float, FLOAT, isa)                                         \
+    FORM(exact32, EXACT32, float, FLOAT, isa)                                   \
+    FORMS_OF_DOUBLES(FORM, isa)
 
 #define DECLARE(tier, TIER, io, IO, isa)                                        \
     extern const struct facet_kernels facet_kernels_##tier##_##io##_##isa;      \
     extern const struct facet_samplers facet_samplers_##tier##_##io##_##isa;
-#define ISA(name) FORMS(DECLARE, name)
+#define DECLARE_REFRACTIONS(tier, TIER, io, IO, isa)                            \
+    extern const struct facet_refractions facet_refractions_##tier##_##io##_##isa;
+#define ISA(name) FORMS(DECLARE, name) FORMS_OF_DOUBLES(DECLARE_REFRACTIONS, name)
 FACET_ISAS
 #undef ISA
 
 #define KERNELS(tier, TIER, io, IO, isa) [FACET_##TIER][KERNEL_##IO] = &facet_kernels_##tier##_##io##_##isa,
 #define SAMPLERS(tier, TIER, io, IO, isa) [FACET_##TIER][KERNEL_##IO] = &facet_samplers_##tier##_##io##_##isa,
+#define REFRACTIONS(tier, TIER, io, IO, isa) [FACET_##TIER] = &facet_refractions_##tier##_##io##_##isa,
 static const struct isa {
     const char *name;
     const struct facet_kernels *kernels[FACET_TIER_COUNT][KERNEL_IO_COUNT];
     const struct facet_samplers *samplers[FACET_TIER_COUNT][KERNEL_IO_COUNT];
+    const struct facet_refractions *refractions[FACET_TIER_COUNT];
 } isas[] = {
-#define ISA(name) { #name, { FORMS(KERNELS, name) }, { FORMS(SAMPLERS, name) } },
+#define ISA(name) { #name, { FORMS(KERNELS, name) }, { FORMS(SAMPLERS, name) }, { FORMS_OF_DOUBLES(REFRACTIONS, name) } },
     FACET_ISAS
 #undef ISA
 };
@@ -79,6 +85,11 @@ const struct facet_kernels *facet_kernels_for(facet_tier tier, enum kernel_io io
 const struct facet_samplers *facet_samplers_for(facet_tier tier, enum kernel_io io)
 {
     return current_isa()->samplers[tier][io];
+}
+
+const struct facet_refractions *facet_refractions_for(facet_tier tier)
+{
+    return current_isa()->refractions[tier];
 }
 
 const char *facet_isa(void)

@@ -52,12 +52,13 @@ facet_status facet_bsdf_create(const facet_material *material, facet_transport t
 void facet_bsdf_destroy(facet_bsdf *bsdf); /* NULL is allowed */
 
 /*
- * Quantities of n pairs, as facet_eval in FACET_PRECISE.  Across the surface D, D_VIS, F and G are
+ * Quantities of n pairs, as facet_eval: FR, FR_COS and PDF in the tier asked for (or the next, where
+ * floats do not hold the index: facet_bsdf_bound), the others in FACET_PRECISE.  Across the surface D, D_VIS, F and G are
  * those of the h that refracts wo into wi, 0 where there is none; G is that of fr = F D G/(4 z_i z_o)
  * and of Walter's eq. 21.  PDF is the density of facet_bsdf_sample over the whole sphere: that of
  * both lobes, whichever side wi is on.
  */
-facet_status facet_bsdf_eval(const facet_bsdf *bsdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+facet_status facet_bsdf_eval(const facet_bsdf *bsdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                              const facet_outputs *outputs);
 
 /* Whether this sampler draws visible normals of the distribution (AUTO included). */
@@ -69,19 +70,22 @@ bool facet_bsdf_sampler_serves(facet_sampler sampler, facet_ndf ndf);
  * FACET_IMPORTANCE, where a sample on the wrong side of the surface for its lobe still carries what
  * the other sends there.  pdf and weight are those of a wi within the bound of the one returned.
  */
-facet_status facet_bsdf_sample(const facet_bsdf *bsdf, facet_sampler sampler, facet_vec3_in wo, const double *u1,
-                               const double *u2, const double *u3, size_t n, const facet_samples *samples);
+facet_status facet_bsdf_sample(const facet_bsdf *bsdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
+                               const double *u1, const double *u2, const double *u3, size_t n, const facet_samples *samples);
 
-/* As facet_bound and facet_closeness; input_error is to be multiplied by the closeness. */
-bool facet_bsdf_bound(const facet_bsdf *bsdf, facet_quantity quantity, double input_error, double *bound);
+/*
+ * As facet_bound and facet_closeness; input_error is to be multiplied by the closeness.  The tiers below
+ * FACET_PRECISE promise FR, FR_COS and PDF alone, those in float an eta in [1/8, 8] and no nearer to 1 than 1/64.
+ */
+bool facet_bsdf_bound(const facet_bsdf *bsdf, facet_tier tier, facet_quantity quantity, double input_error, double *bound);
 double facet_bsdf_closeness(const facet_bsdf *bsdf, facet_vec3_in wi, facet_vec3_in wo, size_t n, bool exact_z);
 
 /*
  * As facet_sample_bound.  dense: some wo are on the side of the larger index, where wi leaves the
  * critical angle like a square root and is right to the root of what its normal is right to.
  */
-bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, facet_sampler sampler, bool dense, double input_error,
-                             double *bound);
+bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, facet_tier tier, facet_sampler sampler, bool dense,
+                             double input_error, double *bound);
 
 /*
  * Integrals of fr cos theta_i over wi on the side of each of n wo and on the other, as facet_albedo

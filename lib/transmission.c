@@ -1,7 +1,8 @@
-/* transmission.c - rough dielectrics: the surface from both sides, and both lobes of a pair. */
+/* transmission.c - rough dielectrics: the surface from both sides, and batches of pairs. */
 #include "transmission.h"
 
 #include "batch.h"
+#include "double_double.h"
 #include "opposite.h"
 
 #include <float.h>
@@ -15,40 +16,54 @@ static facet_status check(const facet_material *m, facet_transport transport)
     bool smith = m->masking == FACET_SMITH || m->masking == FACET_SMITH_UNCORRELATED;
     bool shaped = m->ndf == FACET_GGX || m->ndf == FACET_BECKMANN;
     const facet_roughness *r = &m->roughness;
-    if (!shaped || !smith || m->shear != FACET_ENERGY_SAFE || (unsigned)transport >= FACET_TRANSPORT_COUNT ||
+    if (!shaped || !smith || m->shear != FACET_ENERGY_SAFE ||
+        (unsigned)transport >= FACET_TRANSPORT_COUNT ||
         m->fresnel.kind != FACET_FRESNEL_DIELECTRIC || m->fresnel.channels != 1)
         return FACET_UNSUPPORTED;
     facet_status status = facet_roughness_check(r);
     if (status) return status;
     double lean = hypot(r->slope_x, r->slope_y), least = facet_roughness_to_ellipse(r).alpha_2;
-    if (m->ndf == FACET_BECKMANN && lean > FACET_TRANSMISSION_LEAN_MAX * least) return FACET_UNSUPPORTED;
+    if (m->ndf == FACET_BECKMANN && lean > FACET_TRANSMISSION_LEAN_MAX * least)
+        return FACET_UNSUPPORTED;
     return m->fresnel.eta[0] == 1 ? FACET_BAD_FRESNEL : FACET_OK;
 }
 
 /* From below, n is 1/eta, which is no double: its Fresnel term gets n^2 - 1 in twice the digits. */
-static facet_status open_sides(const facet_material *material, facet_bsdf *b)
+static facet_status open_sides(const facet_material *material, facet_transport transport,
+                               facet_bsdf *b)
 {
     facet_material m = *material;
-    const struct pair one = { 1, 0 }, eta = { m.fresnel.eta[0], 0 };
-    facet_status status = facet_brdf_create(&m, &b->side[ABOVE].brdf);
-    b->side[ABOVE] = (struct side){ .index = eta.hi, .outer = one, .inner = eta, .brdf = b->side[ABOVE].brdf };
-    b->side[BELOW] = (struct side){ .index = 1 / eta.hi, .outer = eta, .inner = one };
-    m.fresnel.eta[0] = fmin(fmax(b->side[BELOW].index, FACET_ETA_MIN), FACET_ETA_MAX);
-    if (!status) status = facet_brdf_create(&m, &b->side[BELOW].brdf);
+    const struct pair eta = {m.fresnel.eta[0], 0};
+    const double index[SIDES] = {eta.hi, 1 / eta.hi};
+    facet_status status = facet_brdf_create(&m, &b->brdf[ABOVE]);
+    m.fresnel.eta[0] = fmin(fmax(index[BELOW], FACET_ETA_MIN), FACET_ETA_MAX);
+    if (!status) status = facet_brdf_create(&m, &b->brdf[BELOW]);
     m.fresnel.kind = FACET_FRESNEL_IDEAL;
     if (!status) status = facet_brdf_create(&m, &b->ideal);
     if (status) return status;
-    const struct kernel_fresnel *above = &b->side[ABOVE].brdf->fresnel[0];
-    struct kernel_fresnel *below = &b->side[BELOW].brdf->fresnel[0];
-    struct pair excess = { -above->excess, -above->excess_low };
+    const struct kernel_fresnel *above = &b->brdf[ABOVE]->fresnel[0];
+    struct kernel_fresnel *below = &b->brdf[BELOW]->fresnel[0];
+    struct pair excess = {-above->excess, -above->excess_low};
     excess = pair_quotient(excess, pair_product(eta, eta));
     below->excess = excess.hi;
     below->excess_low = excess.lo;
-    for (int i = 0; i < SIDES; i++) b->side[i].excess = b->side[i].brdf->fresnel[0].excess;
+    for (int i = 0; i < SIDES; i++) {
+        const struct kernel_fresnel *f = &b->brdf[i]->fresnel[0];
+        double scale = transport == FACET_RADIANCE ? 1 / (index[i] * index[i]) : 1;
+        b->side[i] = (struct kernel_side){index[i], f->excess, f->excess_low, scale};
+    }
     return FACET_OK;
 }
 
-facet_status facet_bsdf_create(const facet_material *material, facet_transport transport, facet_bsdf **bsdf)
+/* Where M is no shorter than the float tiers take it, and powers of the index leave them room. */
+static bool floats_hold(const facet_bsdf *b)
+{
+    const double eta = b->side[ABOVE].index, nearest = 0x1p-6;
+    return b->ideal->floats_hold && eta >= 0.125 && eta <= 8 && fabs(eta - 1) >= nearest;
+}
+
+facet_status facet_bsdf_create(const facet_material *material, facet_transport transport,
+                               facet_bsdf **bsdf)
 {
     *bsdf = NULL;
     facet_status status = check(material, transport);
@@ -57,161 +72,153 @@ facet_status facet_bsdf_create(const facet_material *material, facet_transport t
     if (!b) return FACET_NO_MEMORY;
     b->ndf = material->ndf;
     b->is_correlated = material->masking == FACET_SMITH;
-    b->transport = transport;
-    status = open_sides(material, b);
-    if (status)
+    status = open_sides(material, transport, b);
+    if (status) {
         facet_bsdf_destroy(b);
-    else
-        *bsdf = b;
-    return status;
+        return status;
+    }
+    b->floats_hold = floats_hold(b);
+    *bsdf = b;
+    return FACET_OK;
 }
 
 void facet_bsdf_destroy(facet_bsdf *b)
 {
     if (!b) return;
-    for (int i = 0; i < SIDES; i++) facet_brdf_destroy(b->side[i].brdf);
+    for (int i = 0; i < SIDES; i++) facet_brdf_destroy(b->brdf[i]);
     facet_brdf_destroy(b->ideal);
     free(b);
 }
 
-/* ---- One pair -------------------------------------------------------------------------- */
+/* ---- Kernels ---------------------------------------------------------------------------- */
 
-double facet_transmittance(double n, double c, double g)
+struct kernel_refraction facet_refraction_of(const facet_bsdf *b)
 {
-    double s = c + g, p = n * n * c + g;
-    return 2 * c * g * (1 / (s * s) + n * n / (p * p));
+    return (struct kernel_refraction){.eta = b->side[ABOVE].index,
+                                      .side = {b->side[ABOVE], b->side[BELOW]},
+                                      .is_correlated = b->is_correlated};
 }
 
-double facet_transport_scale(const facet_bsdf *b, int side)
+static bool run(const facet_bsdf *b, facet_tier tier, const struct kernel_refraction *job, size_t n)
 {
-    double n = b->side[side].index;
-    return b->transport == FACET_RADIANCE ? 1 / (n * n) : 1;
+    return facet_refractions_for(tier)->eval[b->ndf](&b->ideal->surface, job, n);
 }
 
-double facet_transmission_masking(const facet_bsdf *b, double sigma_o, double cosine_o, double sigma_i,
-                                  double cosine_i)
+/* Pairs without a number, gathered, in precise, and back. */
+static void redo_strays(const facet_bsdf *b, const struct kernel_refraction *job, size_t n)
 {
-    if (!(cosine_i > 0)) return 0;
-    if (!b->is_correlated) return fmin(cosine_i / sigma_i, 1);
-    if (!(cosine_o > 0)) return 0; /* the limit: only the highest facets are seen */
-    return facet_opposite(sigma_o / cosine_o, fmax(sigma_i - cosine_i, 0) / cosine_i);
-}
-
-static struct pair dot(double *const v[3], const struct pair m[3], int i)
-{
-    struct pair sum = pair_product(m[0], (struct pair){ v[0][i], 0 });
-    for (int j = 1; j < 3; j++) sum = pair_add(sum, pair_product(m[j], (struct pair){ v[j][i], 0 }));
-    return sum;
-}
-
-/*
- * eta_o wo + eta_i wi = eta_o M turned up, as high and low parts (products of doubles, so that
- * nothing is lost where they cancel), and what follows from it but D.
- */
-static void find_normal(const facet_bsdf *b, struct lobes *l, int i, double *const high[3], double *const low[3])
-{
-    const struct side *side = &b->side[l->side[i]];
-    double *const wi[3] = { l->wi[0], l->wi[1], l->wi[2] }, *const wo[3] = { l->wo[0], l->wo[1], l->wo[2] };
-    struct pair m[3];
-    for (int j = 0; j < 3; j++)
-        m[j] = pair_add(pair_product(side->outer, (struct pair){ wo[j][i], 0 }), pair_product(side->inner, (struct pair){ wi[j][i], 0 }));
-    bool is_down = m[2].hi < 0;
-    double length2 = 0;
-    for (int j = 0; j < 3; j++) {
-        if (is_down) m[j] = pair_negative(m[j]);
-        high[j][i] = m[j].hi;
-        low[j][i] = m[j].lo;
-        length2 += m[j].hi * m[j].hi;
-    }
-    double n = side->index, length = sqrt(length2), to_o = dot(wo, m, i).hi, to_i = -dot(wi, m, i).hi;
-    l->cosine[i] = l->F[i] = l->jacobian[i] = l->transmitted.pdf[i] = 0;
-    if (!(to_o > 0 && to_i > 0)) return;
-    double c = to_o / length, g = n * (to_i / length), shrunk = length / side->outer.hi;
-    double c_less_g = is_down ? -shrunk : shrunk;
-    double s = c_less_g / (c + g), p = (side->excess * c + c_less_g) / (n * n * c + g);
-    l->cosine[i] = c;
-    l->F[i] = 0.5 * (s * s + p * p);
-    l->jacobian[i] = n * g / (shrunk * shrunk);
-    l->transmitted.pdf[i] = facet_transmittance(n, c, g); /* the rest of it when D is there */
-}
-
-void facet_lobes_turn(struct lobes *l, facet_vec3_in wi, facet_vec3_in wo, size_t start, size_t n)
-{
-    const double *const from[6] = { wi.x, wi.y, wi.z, wo.x, wo.y, wo.z };
+    double in[6][TRANSMISSION_BLOCK], out[REFRACTION_OUTPUT_COUNT][TRANSMISSION_BLOCK];
+    size_t at[TRANSMISSION_BLOCK], count = 0;
+    struct kernel_refraction again = facet_refraction_of(b);
+    for (int j = 0; j < 3; j++) again.wi[j] = in[j], again.wo[j] = in[3 + j];
+    for (int q = 0; q < REFRACTION_OUTPUT_COUNT; q++) again.out[q] = job->out[q] ? out[q] : NULL;
     for (size_t i = 0; i < n; i++) {
-        l->side[i] = facet_side(wo.z[start + i]);
-        double sign = l->side[i] == BELOW ? -1 : 1;
-        for (int j = 0; j < 3; j++) {
-            l->wi[j][i] = sign * from[j][start + i];
-            l->wo[j][i] = sign * from[3 + j][start + i];
+        bool stray = false;
+        for (int q = 0; q < REFRACTION_OUTPUT_COUNT; q++)
+            stray = stray || (job->out[q] && isnan(job->out[q][i]));
+        if (!stray) continue;
+        for (int j = 0; j < 3; j++) in[j][count] = job->wi[j][i], in[3 + j][count] = job->wo[j][i];
+        at[count++] = i;
+    }
+    for (size_t i = count; i < facet_padded(count); i++)
+        for (int j = 0; j < 6; j++) in[j][i] = j % 3 == 2;
+    run(b, FACET_PRECISE, &again, facet_padded(count));
+    for (int q = 0; q < REFRACTION_OUTPUT_COUNT; q++)
+        for (size_t i = 0; job->out[q] && i < count; i++) job->out[q][at[i]] = out[q][i];
+}
+
+void facet_refract(const facet_bsdf *b, facet_tier tier, const struct kernel_refraction *job,
+                   size_t n)
+{
+    if (tier < FACET_EXACT32 && !b->floats_hold) tier = FACET_EXACT32;
+    if (run(b, tier, job, n)) redo_strays(b, job, n);
+}
+
+void facet_transmittance(double index, const double *c, const double *g, size_t n, double *to)
+{
+    double in[2][TRANSMISSION_BLOCK], out[TRANSMISSION_BLOCK];
+    facet_stage(facet_doubles(c), KERNEL_DOUBLE, n, 1, in[0]);
+    facet_stage(facet_doubles(g), KERNEL_DOUBLE, n, 1, in[1]);
+    facet_refractions_for(FACET_PRECISE)->transmittance(index, in[0], in[1], out, facet_padded(n));
+    for (size_t i = 0; i < n; i++) to[i] = out[i];
+}
+
+void facet_opposite(const double *a, const double *b, size_t n, double *to)
+{
+    double in[2][TRANSMISSION_BLOCK], out[TRANSMISSION_BLOCK];
+    for (size_t start = 0, size; start < n; start += size) {
+        size = n - start < TRANSMISSION_BLOCK ? n - start : TRANSMISSION_BLOCK;
+        facet_stage(facet_doubles(a + start), KERNEL_DOUBLE, size, 1, in[0]);
+        facet_stage(facet_doubles(b + start), KERNEL_DOUBLE, size, 1, in[1]);
+        facet_refractions_for(FACET_PRECISE)->opposite(in[0], in[1], out, facet_padded(size));
+        for (size_t i = 0; i < size; i++) to[start + i] = out[i];
+    }
+}
+
+void facet_transmission_masking(const facet_bsdf *b, double sigma_o, double cosine_o,
+                                const double *sigma_i, const double *cosine_i, size_t n, double *to)
+{
+    double one_more[TRANSMISSION_BLOCK] = {0}, lambda[TRANSMISSION_BLOCK] = {0};
+    for (size_t i = 0; i < n; i++) {
+        one_more[i] = sigma_o / cosine_o;
+        lambda[i] = fmax(sigma_i[i] - cosine_i[i], 0) / cosine_i[i];
+        to[i] = fmin(cosine_i[i] / sigma_i[i], 1);
+    }
+    if (b->is_correlated) facet_opposite(one_more, lambda, n, to);
+    for (size_t i = 0; i < n; i++)
+        if (!(cosine_i[i] > 0) || (b->is_correlated && !(cosine_o > 0))) to[i] = 0;
+}
+
+/* ---- fr, fr_cos, pdf -------------------------------------------------------------------- */
+
+enum { RENDERED = 3 }; /* what the kernels have whole */
+static const facet_quantity rendered[RENDERED] = {FACET_FR, FACET_FR_COS, FACET_PDF};
+static const enum refraction_output rendered_as[RENDERED] = {REFRACTION_FR, REFRACTION_FR_COS,
+                                                             REFRACTION_PDF};
+
+/* Fewer pairs than a vector has, through arrays that are as long. */
+static void eval_staged(const facet_bsdf *b, facet_tier tier, const double *const in[6],
+                        double *const out[RENDERED], size_t n)
+{
+    double staged[6][KERNEL_LANES], results[RENDERED][KERNEL_LANES];
+    struct kernel_refraction job = facet_refraction_of(b);
+    for (int j = 0; j < 6; j++)
+        facet_stage(facet_doubles(in[j]), KERNEL_DOUBLE, n, j % 3 == 2, staged[j]);
+    for (int j = 0; j < 3; j++) job.wi[j] = staged[j], job.wo[j] = staged[3 + j];
+    for (int q = 0; q < RENDERED; q++) job.out[rendered_as[q]] = out[q] ? results[q] : NULL;
+    facet_refract(b, tier, &job, KERNEL_LANES);
+    for (int q = 0; q < RENDERED; q++)
+        facet_unstage(results[q], KERNEL_DOUBLE, n, facet_doubles(out[q]));
+}
+
+static void eval_rendered(const facet_bsdf *b, facet_tier tier, const double *const in[6],
+                          double *const out[RENDERED], size_t n)
+{
+    const double *from[6];
+    double *to[RENDERED];
+    for (size_t start = 0, size; start < n; start += size) {
+        size = n - start < TRANSMISSION_BLOCK ? n - start : TRANSMISSION_BLOCK;
+        for (int j = 0; j < 6; j++) from[j] = in[j] + start;
+        for (int q = 0; q < RENDERED; q++) to[q] = out[q] ? out[q] + start : NULL;
+        if (size < KERNEL_LANES) {
+            eval_staged(b, tier, from, to, size);
+            continue;
         }
+        size -= size % KERNEL_LANES;
+        struct kernel_refraction job = facet_refraction_of(b);
+        for (int j = 0; j < 3; j++) job.wi[j] = from[j], job.wo[j] = from[3 + j];
+        for (int q = 0; q < RENDERED; q++) job.out[rendered_as[q]] = to[q];
+        facet_refract(b, tier, &job, size);
     }
 }
 
-facet_status facet_lobes_fresnel(const facet_bsdf *b, struct lobes *l, size_t n)
-{
-    double value[TRANSMISSION_BLOCK];
-    facet_vec3_in wi = { l->wi[0], l->wi[1], l->wi[2] }, wo = { l->wo[0], l->wo[1], l->wo[2] };
-    const facet_outputs outputs = { .of = { [FACET_F] = { value } } };
-    for (int side = 0; side < SIDES; side++) {
-        bool any = false;
-        for (size_t i = 0; i < n; i++) any = any || l->side[i] == side;
-        if (!any) continue;
-        facet_status status = facet_eval(b->side[side].brdf, FACET_PRECISE, wi, wo, n, &outputs);
-        if (status) return status;
-        for (size_t i = 0; i < n; i++)
-            if (l->side[i] == side) l->fresnel[i] = value[i];
-    }
-    return FACET_OK;
-}
+/* ---- The other quantities ----------------------------------------------------------------- */
 
-/* pdf and weight of the ideal reflection, and both projected areas. */
-static facet_status reflect(const facet_bsdf *b, struct lobes *l, size_t n)
-{
-    double minus_wi[3][TRANSMISSION_BLOCK];
-    struct batch batch = { .brdf = b->ideal, .tier = FACET_PRECISE }, below = batch;
-    for (int j = 0; j < 3; j++) {
-        for (size_t i = 0; i < n; i++) minus_wi[j][i] = -l->wi[j][i];
-        batch.wi[j] = facet_doubles(l->wi[j]);
-        batch.wo[j] = facet_doubles(l->wo[j]);
-        below.wi[j] = below.wo[j] = facet_doubles(minus_wi[j]);
-    }
-    batch.out[KERNEL_PDF][0] = facet_doubles(l->reflected.pdf);
-    batch.out[KERNEL_WEIGHT][0] = facet_doubles(l->reflected.weight);
-    batch.out[KERNEL_SIGMA_O][0] = facet_doubles(l->sigma_o);
-    below.out[KERNEL_SIGMA_O][0] = facet_doubles(l->sigma_i);
-    facet_batch_run(&batch, n);
-    facet_batch_run(&below, n);
-    facet_status status = facet_lobes_fresnel(b, l, n);
-    for (size_t i = 0; i < n; i++) l->reflected.pdf[i] *= l->fresnel[i];
-    return status;
-}
-
-facet_status facet_lobes_eval(const facet_bsdf *b, struct lobes *l, size_t n)
-{
-    double high[3][TRANSMISSION_BLOCK], low[3][TRANSMISSION_BLOCK];
-    double *const to_high[3] = { high[0], high[1], high[2] }, *const to_low[3] = { low[0], low[1], low[2] };
-    facet_status status = reflect(b, l, n);
-    if (status) return status;
-    for (size_t i = 0; i < n; i++) find_normal(b, l, (int)i, to_high, to_low);
-    /* D sees H = wi + wo alone, which in precise it forms in twice the digits: M as it is. */
-    facet_vec3_in first = { high[0], high[1], high[2] }, rest = { low[0], low[1], low[2] };
-    const facet_outputs density = { .of = { [FACET_D] = { l->D } } };
-    status = facet_eval(b->ideal, FACET_PRECISE, first, rest, n, &density);
-    for (size_t i = 0; i < n; i++) {
-        if (l->cosine[i] == 0) l->D[i] = 0;
-        l->transmitted.pdf[i] *= l->cosine[i] * l->jacobian[i] * (l->D[i] / fmax(l->sigma_o[i], DBL_MIN));
-        double x = -l->wi[0][i], y = -l->wi[1][i], z = -l->wi[2][i];
-        l->transmitted.weight[i] = 0;
-        if (!(z > 0 && l->wo[2][i] > 0)) continue;
-        double cosine_o = facet_mean_cosine(&b->ideal->surface, l->wo[0][i], l->wo[1][i], l->wo[2][i]);
-        l->transmitted.weight[i] = facet_transmission_masking(b, l->sigma_o[i], cosine_o, l->sigma_i[i],
-                                                              facet_mean_cosine(&b->ideal->surface, x, y, z));
-    }
-    return status;
-}
-
-/* ---- Quantities --------------------------------------------------------------------------- */
+/* A block of pairs as given and turned as wo is turned up, and what the kernels say of M. */
+struct normals {
+    double in[6][TRANSMISSION_BLOCK], turned[6][TRANSMISSION_BLOCK];
+    double out[REFRACTION_OUTPUT_COUNT][TRANSMISSION_BLOCK];
+};
 
 /* x/y without infinity; 0 for 0/0. */
 static double over(double x, double y)
@@ -220,55 +227,87 @@ static double over(double x, double y)
 }
 
 /* Of a pair with wi on the other side. */
-static double across(const facet_bsdf *b, const struct lobes *l, size_t i, int quantity)
+static double across(const struct normals *n, size_t i, int quantity)
 {
-    double zi = -l->wi[2][i], zo = l->wo[2][i], scale = facet_transport_scale(b, l->side[i]);
-    double fr_cos = fmin(l->transmitted.pdf[i] * l->transmitted.weight[i] * scale, DBL_MAX);
+    double zi = -n->turned[2][i], zo = n->turned[5][i], sigma_o = n->out[REFRACTION_SIGMA_O][i],
+           D = n->out[REFRACTION_D][i];
     switch (quantity) {
-    case FACET_FR: return over(fr_cos, zi);
-    case FACET_FR_COS: return fr_cos;
-    case FACET_D: return l->D[i];
-    case FACET_D_VIS: return over(l->D[i] * l->cosine[i], l->sigma_o[i]);
-    case FACET_G: return over(l->transmitted.weight[i] * zo, l->sigma_o[i]);
-    case FACET_G1_I: return over(zi, l->sigma_i[i]);
-    case FACET_G1_O: return over(zo, l->sigma_o[i]);
-    case FACET_F: return l->F[i];
-    default: return l->sigma_o[i];
+    case FACET_D:
+        return D;
+    case FACET_D_VIS:
+        return over(D * n->out[REFRACTION_COSINE][i], sigma_o);
+    case FACET_G:
+        return over(n->out[REFRACTION_TRANSMITTED_WEIGHT][i] * zo, sigma_o);
+    case FACET_G1_I:
+        return over(zi, n->out[REFRACTION_SIGMA_I][i]);
+    case FACET_G1_O:
+        return over(zo, sigma_o);
+    case FACET_F:
+        return n->out[REFRACTION_F][i];
+    default:
+        return sigma_o;
     }
 }
 
-static facet_status eval_block(const facet_bsdf *b, struct lobes *l, size_t n, size_t start,
+static void find_normals(const facet_bsdf *b, const double *const in[6], size_t n,
+                         struct normals *to)
+{
+    struct kernel_refraction job = facet_refraction_of(b);
+    for (int j = 0; j < 6; j++)
+        facet_stage(facet_doubles(in[j]), KERNEL_DOUBLE, n, j % 3 == 2, to->in[j]);
+    for (int j = 0; j < 3; j++) job.wi[j] = to->in[j], job.wo[j] = to->in[3 + j];
+    for (int q = REFRACTION_REFLECTED_PDF; q < REFRACTION_OUTPUT_COUNT; q++)
+        job.out[q] = to->out[q];
+    facet_refract(b, FACET_PRECISE, &job, facet_padded(n));
+    for (size_t i = 0; i < n; i++) {
+        double sign = facet_side(to->in[5][i]) == BELOW ? -1 : 1;
+        for (int j = 0; j < 6; j++) to->turned[j][i] = sign * to->in[j][i];
+    }
+}
+
+/* In precise: renderers do not ask. */
+static facet_status eval_block(const facet_bsdf *b, const double *const in[6], size_t n,
                                const facet_outputs *outputs)
 {
-    facet_vec3_in wi = { l->wi[0], l->wi[1], l->wi[2] }, wo = { l->wo[0], l->wo[1], l->wo[2] };
-    facet_outputs same = { 0 };
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        if (outputs->of[q][0]) same.of[q][0] = outputs->of[q][0] + start;
-    facet_status status = facet_lobes_eval(b, l, n);
-    if (!status) status = facet_eval(b->ideal, FACET_PRECISE, wi, wo, n, &same);
+    struct normals normals;
+    double *const *t = (double *const[]){normals.turned[0], normals.turned[1], normals.turned[2],
+                                         normals.turned[3], normals.turned[4], normals.turned[5]};
+    find_normals(b, in, n, &normals);
+    facet_status status = facet_eval(b->ideal, FACET_PRECISE, (facet_vec3_in){t[0], t[1], t[2]},
+                                     (facet_vec3_in){t[3], t[4], t[5]}, n, outputs);
     for (int q = 0; q < FACET_QUANTITY_COUNT && !status; q++) {
-        double *to = same.of[q][0];
+        double *to = outputs->of[q][0];
         for (size_t i = 0; to && i < n; i++) {
-            if (q == FACET_PDF)
-                to[i] = fmin(l->reflected.pdf[i] + l->transmitted.pdf[i], DBL_MAX);
-            else if (l->wi[2][i] < 0)
-                to[i] = across(b, l, i, q);
-            else if (q == FACET_F || q == FACET_FR || q == FACET_FR_COS)
-                to[i] *= l->fresnel[i]; /* of F = 1 */
+            if (normals.turned[2][i] < 0)
+                to[i] = across(&normals, i, q);
+            else if (q == FACET_F)
+                to[i] = normals.out[REFRACTION_FRESNEL][i];
         }
     }
     return status;
 }
 
-facet_status facet_bsdf_eval(const facet_bsdf *b, facet_vec3_in wi, facet_vec3_in wo, size_t n,
-                             const facet_outputs *outputs)
+facet_status facet_bsdf_eval(const facet_bsdf *b, facet_tier tier, facet_vec3_in wi,
+                             facet_vec3_in wo, size_t n, const facet_outputs *outputs)
 {
-    struct lobes lobes;
+    const double *const in[6] = {wi.x, wi.y, wi.z, wo.x, wo.y, wo.z};
+    double *const out[RENDERED] = {outputs->of[FACET_FR][0], outputs->of[FACET_FR_COS][0],
+                                   outputs->of[FACET_PDF][0]};
     facet_status status = FACET_OK;
-    for (size_t start = 0, size; start < n && !status; start += size) {
+    bool any = false;
+    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    if (out[0] || out[1] || out[2]) eval_rendered(b, tier, in, out, n);
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        any = any || (outputs->of[q][0] && q != FACET_FR && q != FACET_FR_COS && q != FACET_PDF);
+    for (size_t start = 0, size; any && start < n && !status; start += size) {
+        facet_outputs rest = {0};
+        const double *from[6];
         size = n - start < TRANSMISSION_BLOCK ? n - start : TRANSMISSION_BLOCK;
-        facet_lobes_turn(&lobes, wi, wo, start, size);
-        status = eval_block(b, &lobes, size, start, outputs);
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+            if (outputs->of[q][0]) rest.of[q][0] = outputs->of[q][0] + start;
+        for (int q = 0; q < RENDERED; q++) rest.of[rendered[q]][0] = NULL;
+        for (int j = 0; j < 6; j++) from[j] = in[j] + start;
+        status = eval_block(b, from, size, &rest);
     }
     return status;
 }

@@ -6,14 +6,14 @@
 #include <float.h>
 #include <math.h>
 
-/* Of what the index, the Fresnel term and the Jacobian add to D and sigma (accuracy.def). */
-static double refraction_bound(void)
+/* Of what the index, the Fresnel term, the Jacobian and powers in masking add to D and sigma (accuracy.def). */
+static double refraction_bound(facet_tier tier)
 {
 #define PROMISE(t, n, q, bound)
 #define FRESNEL(t, kind, own, added)
 #define SAMPLER(t, s, pdf, added)
 #define TRANSMISSION(t, bound)                                                  \
-    if (FACET_##t == FACET_PRECISE) return bound;
+    if (FACET_##t == tier) return bound;
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
@@ -25,24 +25,29 @@ static double refraction_bound(void)
 
 /*
  * W = G2/G1(o) of two cosines that are exact and two sigmas.  Correlated, |d log W/d log| of either
- * argument is at most |log W|, and log(2 + a) more in b = sigma/c - 1.  A result above the floor has
+ * argument is at most |log W|, and log(2 + a) more in b = sigma/c - 1, but where (GGX) the excess
+ * sigma - c is had without the difference.  The tiers below precise leave a W below
+ * TRANSMISSION_WEIGHT_LEAST and a larger a to it.  There a result above the floor has
  * W > 1e-30 times 1e-48, the inverse of the largest density there is; a = sigma_o/c_o has no more
  * than a double's exponent.
  */
-static double masking_bound(const facet_bsdf *b, double sigma)
+static double masking_bound(const facet_bsdf *b, facet_tier tier, double sigma)
 {
-    const double log_w = 180, log_a = 745;
+    bool precise = tier == FACET_PRECISE;
+    const double log_w = precise ? 180 : -log(TRANSMISSION_WEIGHT_LEAST), log_a = precise ? 745 : log(2 + TRANSMISSION_LAMBDA_MOST);
     if (!b->is_correlated) return sigma + DBL_EPSILON;
-    return (2 * log_w + log_a) * (sigma + 2 * DBL_EPSILON) + OPPOSITE_ERROR(log_w);
+    if (precise) return (2 * log_w + log_a) * (sigma + 2 * DBL_EPSILON) + OPPOSITE_ERROR(log_w);
+    return (2 * log_w + (b->ndf == FACET_GGX ? 0 : log_a)) * sigma;
 }
 
 /* Of the transmitted lobe. */
-static bool across_bound(const facet_bsdf *b, facet_quantity quantity, double input_error, double *bound)
+static bool across_bound(const facet_bsdf *b, facet_tier tier, facet_quantity quantity, double input_error, double *bound)
 {
-    double d, sigma, own = refraction_bound() + 8 * input_error;
-    if (!facet_bound(b->ideal, FACET_PRECISE, FACET_D, input_error, &d) ||
-        !facet_bound(b->ideal, FACET_PRECISE, FACET_SIGMA_O, input_error, &sigma))
+    double d, sigma, own = refraction_bound(tier) + 8 * input_error;
+    if (!facet_bound(b->ideal, tier, FACET_D, input_error, &d) ||
+        !facet_bound(b->ideal, tier, FACET_SIGMA_O, input_error, &sigma))
         return false;
+    double masking = masking_bound(b, tier, sigma + input_error);
     switch (quantity) {
     case FACET_F: *bound = own; break;
     case FACET_D: *bound = own + d; break;
@@ -51,25 +56,39 @@ static bool across_bound(const facet_bsdf *b, facet_quantity quantity, double in
     case FACET_G1_O: *bound = own + sigma; break;
     case FACET_PDF:
     case FACET_D_VIS: *bound = own + d + sigma; break;
-    case FACET_G: *bound = own + sigma + masking_bound(b, sigma + input_error); break;
-    default: *bound = own + d + sigma + masking_bound(b, sigma + input_error); break;
+    case FACET_G: *bound = own + sigma + masking; break;
+    default: *bound = own + d + sigma + masking; break;
     }
     return true;
 }
 
-bool facet_bsdf_bound(const facet_bsdf *b, facet_quantity quantity, double input_error, double *bound)
+/*
+ * Of F on wo's side, whose g^2 is formed a step wider than the tier: how it leaves the critical angle
+ * is that of the tier whose step it is.
+ */
+static bool fresnel_bound(const facet_bsdf *b, facet_tier tier, double input_error, double *bound)
 {
+    const facet_tier wider = tier < FACET_EXACT32 ? FACET_EXACT32 : FACET_PRECISE;
+    double worst = 0;
+    for (int i = 0; i < SIDES; i++) {
+        double of_side;
+        if (!facet_bound(b->brdf[i], wider, FACET_F, 0, &of_side)) return false;
+        worst = fmax(worst, of_side + 8 * input_error); /* next to the critical angle: closeness_same */
+    }
+    *bound = worst + (tier == FACET_PRECISE ? 0 : refraction_bound(tier));
+    return true;
+}
+
+bool facet_bsdf_bound(const facet_bsdf *b, facet_tier tier, facet_quantity quantity, double input_error, double *bound)
+{
+    bool rendered = quantity == FACET_FR || quantity == FACET_FR_COS || quantity == FACET_PDF;
     double same, across, fresnel = 0;
     *bound = INFINITY;
-    if (!facet_bound(b->ideal, FACET_PRECISE, quantity, input_error, &same) ||
-        !across_bound(b, quantity, input_error, &across))
+    if ((tier != FACET_PRECISE && !rendered) || (tier < FACET_EXACT32 && !b->floats_hold)) return false;
+    if (!facet_bound(b->ideal, tier, quantity, input_error, &same) ||
+        !across_bound(b, tier, quantity, input_error, &across))
         return false;
-    bool has_fresnel = quantity == FACET_FR || quantity == FACET_FR_COS || quantity == FACET_PDF || quantity == FACET_F;
-    for (int i = 0; i < SIDES && has_fresnel; i++) {
-        double of_side;
-        if (!facet_bound(b->side[i].brdf, FACET_PRECISE, FACET_F, 0, &of_side)) return false;
-        fresnel = fmax(fresnel, of_side + 8 * input_error); /* next to the critical angle: closeness_same */
-    }
+    if ((rendered || quantity == FACET_F) && !fresnel_bound(b, tier, input_error, &fresnel)) return false;
     *bound = fmax(same + fresnel, across) + DBL_EPSILON;
     return isfinite(*bound);
 }
@@ -102,7 +121,7 @@ static double closeness_across(const facet_bsdf *b, const double wi[3], const do
  */
 static double closeness_same(const facet_bsdf *b, const double wi[3], const double wo[3])
 {
-    const struct side *side = &b->side[facet_side(wo[2])];
+    const struct kernel_side *side = &b->side[facet_side(wo[2])];
     double hh = 0;
     for (int j = 0; j < 3; j++) hh += (wi[j] + wo[j]) * (wi[j] + wo[j]);
     return side->excess < 0 ? 4 / (side->index * sqrt(fabs(side->excess + hh / 4))) : 1;
@@ -118,12 +137,14 @@ double facet_bsdf_closeness(const facet_bsdf *b, facet_vec3_in wi, facet_vec3_in
     return worst;
 }
 
-bool facet_bsdf_sample_bound(const facet_bsdf *b, facet_sampler sampler, bool dense, double input_error, double *bound)
+bool facet_bsdf_sample_bound(const facet_bsdf *b, facet_tier tier, facet_sampler sampler, bool dense, double input_error,
+                             double *bound)
 {
     double pdf, weight, normal;
     *bound = INFINITY;
-    if (!facet_bsdf_sampler_serves(sampler, b->ndf) || !facet_bsdf_bound(b, FACET_PDF, input_error, &pdf) || !facet_bsdf_bound(b, FACET_FR_COS, input_error, &weight) ||
-        !facet_sample_bound(b->ideal, FACET_PRECISE, sampler, input_error, &normal))
+    if (!facet_bsdf_sampler_serves(sampler, b->ndf) || !facet_bsdf_bound(b, tier, FACET_PDF, input_error, &pdf) ||
+        !facet_bsdf_bound(b, tier, FACET_FR_COS, input_error, &weight) ||
+        !facet_sample_bound(b->ideal, tier, sampler, input_error, &normal))
         return false;
     double n = b->side[ABOVE].index, least = fmin(n, b->side[BELOW].index), cosine = 2 * normal;
     /* g^2 = n^2 - 1 + c^2 is right to 2 c times the error of c, g >= c toward the dense side. */

@@ -55,16 +55,22 @@ INLINE real fresnel_root(const struct kernel_fresnel *f, pair hh)
  * p = (c g - sin^2)/(c g + sin^2): one root, of c^2 g^2, and one quotient.  All four
  * times as large, over |H|^2 = 4 c^2.
  */
-INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair hh, lane scale)
+INLINE real fresnel_of_root(real top, bool may_be_total, pair hh, real g2, lane scale)
 {
-    bool may_be_total = f->excess < 0;
-    real g2 = fresnel_root(f, hh), sine2 = (4 - hh.hi) - hh.lo;
+    real sine2 = (4 - hh.hi) - hh.lo;
     mask partial = less(splat(0), g2);
     real cg = may_be_total ? root_from_zero(hh.hi * real_max(g2, splat(0))) : root_from_zero(hh.hi * g2);
     real sum2 = (cg + cg) + (g2 + hh.hi), low = cg - sine2, high = cg + sine2, bottom = sum2 * high;
-    real value = quotient(R(8 * f->excess * f->excess) * scale * madd(low, low, high * high), bottom * bottom);
+    real value = quotient(top * madd(low, low, high * high), bottom * bottom);
     value = real_min(value, splat(scale));
     return may_be_total ? select(partial, value, splat(scale)) : value;
+}
+
+/* Of one index: top = 8 (eta^2 - 1)^2 scale, g2 = 4 g^2. */
+INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair hh, lane scale)
+{
+    real top = splat(R(8 * f->excess * f->excess) * scale);
+    return fresnel_of_root(top, f->excess < 0, hh, fresnel_root(f, hh), scale);
 }
 
 /*

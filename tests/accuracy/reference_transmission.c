@@ -39,6 +39,19 @@ static quad masked(const facet_material *m, quad so, quad co, quad si, quad ci)
     return co > 0 ? reference_opposite(so / co, si / ci - 1) : 0;
 }
 
+/* fr on wo's side: of the point reflection, with F. */
+static void reflect(const facet_material *m, const double wi[3], const double wo[3], double side, quad F,
+                    struct reference_bsdf *r)
+{
+    const double i[3] = {side * wi[0], side * wi[1], side * wi[2]}, o[3] = {side * wo[0], side * wo[1], side * wo[2]};
+    facet_material ideal = *m;
+    struct reference plain;
+    ideal.fresnel.kind = FACET_FRESNEL_IDEAL;
+    reference_eval(&ideal, i, o, &plain);
+    r->of[FACET_FR] = F * plain.of[FACET_FR][0];
+    r->of[FACET_FR_COS] = F * plain.of[FACET_FR_COS][0];
+}
+
 void reference_bsdf(const facet_material *m, facet_transport transport, const double wi[3], const double wo[3],
                     struct reference_bsdf *r)
 {
@@ -72,6 +85,7 @@ void reference_bsdf(const facet_material *m, facet_transport transport, const do
     r->of[FACET_G1_O] = zo / so;
     r->of[FACET_F] = F;
     r->of[FACET_SIGMA_O] = so;
+    if (side * wi[2] > 0) reflect(m, wi, wo, side, Fr, r);
 }
 
 bool reference_bsdf_sample(const facet_material *m, const double wo_[3], const double u[3], quad wi[3])

@@ -9,7 +9,7 @@
 #include "reference.h"
 
 struct reference_bsdf {
-    quad of[FACET_QUANTITY_COUNT];
+    quad of[FACET_QUANTITY_COUNT]; /* FR, FR_COS and PDF on either side of the surface, the others across it */
     quad reflected, transmitted; /* densities of the lobes */
 };
 

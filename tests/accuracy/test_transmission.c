@@ -7,6 +7,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdio.h>
 
 static const char *const names[] = {
 #define QUANTITY(id, name, coloured, doc) name,
@@ -14,11 +15,12 @@ static const char *const names[] = {
 #undef QUANTITY
 };
 
-/* An index of [1e-3, 1e3], half of them within 1e-12 .. 1 of 1. */
+/* An index of [1e-3, 1e3], a third within 1e-12 .. 1 of 1, a third among those that floats hold. */
 static double draw_index(struct rng *rng)
 {
-    double away = pow(10, -12 + 12 * rng_uniform(rng));
-    if (rng_uniform(rng) < 0.5) return pow(10, -3 + 6 * rng_uniform(rng));
+    double away = pow(10, -12 + 12 * rng_uniform(rng)), kind = rng_uniform(rng);
+    if (kind < 1. / 3) return pow(2, -3 + 6 * rng_uniform(rng));
+    if (kind < 2. / 3) return pow(10, -3 + 6 * rng_uniform(rng));
     return rng_uniform(rng) < 0.5 ? 1 + away : 1 - away * (1 - 1e-3);
 }
 
@@ -62,51 +64,97 @@ static void draw_across(struct rng *rng, const facet_material *m, double wi[3], 
     for (int j = 0; j < 3 && below; j++) wi[j] = -wi[j], wo[j] = -wo[j];
 }
 
-/* Returns how many quantities it compared. */
-static size_t check_pair(const facet_bsdf *bsdf, const facet_material *m, const double wi[3], const double wo[3])
+static bool is_rendered(int q)
 {
-    double y[FACET_QUANTITY_COUNT], bound;
+    return q == FACET_FR || q == FACET_FR_COS || q == FACET_PDF;
+}
+
+/* wi and wo on one side. */
+static void draw_same(struct rng *rng, const facet_material *m, double wi[3], double wo[3])
+{
+    double turn = rng_uniform(rng) < 0.5 ? -1 : 1;
+    draw_pair(rng, &draw_everywhere, m, wi, wo);
+    for (int j = 0; j < 3; j++) wi[j] *= turn, wo[j] *= turn;
+}
+
+enum { PAIRS = 21 }; /* more than a vector, and no whole number of them */
+struct pairs {
+    size_t n;
+    double i[3][PAIRS], o[3][PAIRS], y[FACET_QUANTITY_COUNT][PAIRS];
+    struct reference_bsdf x[PAIRS];
+};
+
+static void draw_pairs(struct rng *rng, const facet_material *m, struct pairs *p)
+{
+    p->n = 1 + (size_t)(rng_uniform(rng) * PAIRS);
+    for (size_t k = 0; k < p->n; k++) {
+        double wi[3], wo[3];
+        if (rng_uniform(rng) < 0.7)
+            draw_across(rng, m, wi, wo);
+        else
+            draw_same(rng, m, wi, wo);
+        for (int j = 0; j < 3; j++) p->i[j][k] = wi[j], p->o[j][k] = wo[j];
+        reference_bsdf(m, FACET_IMPORTANCE, wi, wo, &p->x[k]);
+    }
+}
+
+/* Compares one quantity with what a tier promises of it and returns in how many pairs. */
+static size_t check_quantity(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier, int q, const struct pairs *p)
+{
+    double bound;
+    char name[64];
     size_t checked = 0;
-    struct reference_bsdf x;
-    facet_outputs outputs = {0};
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = &y[q];
-    facet_vec3_in i = {&wi[0], &wi[1], &wi[2]}, o = {&wo[0], &wo[1], &wo[2]};
-    CHECK_INT(facet_bsdf_eval(bsdf, i, o, 1, &outputs), FACET_OK);
-    reference_bsdf(m, FACET_IMPORTANCE, wi, wo, &x);
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
-        CHECK(isfinite(y[q]) && y[q] >= 0);
-        if (wi[2] * wo[2] >= 0 && q != FACET_PDF) continue; /* test_bounds has reflection */
-        if (!facet_bsdf_bound(bsdf, (facet_quantity)q, 0, &bound) || x.of[q] > DBL_MAX) continue;
-        double error = reference_error(y[q], x.of[q], FACET_FLOOR);
+    if (!facet_bsdf_bound(bsdf, tier, (facet_quantity)q, 0, &bound)) return 0;
+    snprintf(name, sizeof name, "%s/%s", facet_tier_name(tier), names[q]);
+    for (size_t k = 0; k < p->n; k++) {
+        quad x = p->x[k].of[q];
+        double error = reference_error(p->y[q][k], x, FACET_FLOOR);
+        bool same = p->i[2][k] * p->o[2][k] >= 0;
+        if (x > DBL_MAX || (same && !is_rendered(q))) continue; /* test_bounds has reflection */
         checked++;
-        check_note(names[q], error / bound);
+        check_note(name, error / bound);
         if (!(error <= bound))
             check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, bound %.3g; eta %.17g\n    %s\n    wi "
-                       "{%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}", names[q], y[q], (double)x.of[q], error, bound,
-                       m->fresnel.eta[0], draw_text(m), wi[0], wi[1], wi[2], wo[0], wo[1], wo[2]);
+                       "{%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}", name, p->y[q][k], (double)x, error, bound,
+                       m->fresnel.eta[0], draw_text(m), p->i[0][k], p->i[1][k], p->i[2][k], p->o[0][k], p->o[1][k], p->o[2][k]);
     }
     return checked;
 }
 
-TEST(quantities_across_the_surface)
+static size_t check_pairs(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier, struct pairs *p)
+{
+    size_t checked = 0;
+    facet_outputs outputs = {0};
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = p->y[q];
+    facet_vec3_in i = {p->i[0], p->i[1], p->i[2]}, o = {p->o[0], p->o[1], p->o[2]};
+    CHECK_INT(facet_bsdf_eval(bsdf, tier, i, o, p->n, &outputs), FACET_OK);
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+        for (size_t k = 0; k < p->n; k++) CHECK(isfinite(p->y[q][k]) && p->y[q][k] >= 0);
+        checked += check_quantity(bsdf, m, tier, q, p);
+    }
+    return checked;
+}
+
+TEST(quantities_of_both_lobes)
 {
     struct rng rng;
-    size_t checked = 0, n = draw_count(6000);
+    struct pairs pairs;
+    size_t checked[FACET_TIER_COUNT] = {0}, n = draw_count(2500);
     rng_seed(&rng, 9);
     for (size_t k = 0; k < n; k++) {
         facet_material m = draw_glass(&rng);
         facet_bsdf *bsdf = NULL;
         facet_status status = facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf);
         CHECK_INT(status, FACET_OK);
-        for (int j = 0; j < 4 && !status; j++) {
-            double wi[3], wo[3];
-            draw_across(&rng, &m, wi, wo);
-            checked += check_pair(bsdf, &m, wi, wo);
-        }
+        if (status) continue;
+        draw_pairs(&rng, &m, &pairs);
+        for (int t = 0; t < FACET_TIER_COUNT; t++) checked[t] += check_pairs(bsdf, &m, (facet_tier)t, &pairs);
         facet_bsdf_destroy(bsdf);
     }
-    check_note("of each material", (double)checked / (double)n);
-    CHECK(checked >= 10 * n);
+    for (int t = 0; t < FACET_TIER_COUNT; t++) {
+        check_note(facet_tier_name((facet_tier)t), (double)checked[t] / (double)n);
+        CHECK(checked[t] >= (t < FACET_EXACT32 ? 5 : 20) * n);
+    }
 }
 
 TEST(samples_where_they_belong)
@@ -127,8 +175,8 @@ TEST(samples_where_they_belong)
         for (int j = 0; j < 3; j++) wo[j] *= turn;
         facet_vec3_in o = {&wo[0], &wo[1], &wo[2]};
         facet_samples samples = {.wi = {&wi[0], &wi[1], &wi[2]}};
-        bool promised = facet_bsdf_sample_bound(bsdf, FACET_SAMPLER_AUTO, (turn > 0) == (m.fresnel.eta[0] < 1), 0, &bound);
-        CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples), FACET_OK);
+        bool promised = facet_bsdf_sample_bound(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, (turn > 0) == (m.fresnel.eta[0] < 1), 0, &bound);
+        CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples), FACET_OK);
         if (promised && reference_bsdf_sample(&m, wo, u, exact))
             for (int j = 0; j < 3; j++, checked++) {
                 double error = fabs((double)(wi[j] - exact[j]));
@@ -143,6 +191,13 @@ TEST(samples_where_they_belong)
     CHECK(2 * checked >= 3 * n);
 }
 
+static double opposite(double a, double b)
+{
+    double value;
+    facet_opposite(&a, &b, 1, &value);
+    return value;
+}
+
 TEST(masking_across_the_surface)
 {
     struct rng rng;
@@ -154,12 +209,12 @@ TEST(masking_across_the_surface)
         double bound = OPPOSITE_ERROR(-log(fmax((double)x, 1e-300)));
         if (x < 1e-280Q) continue;
         checked++;
-        check_note("error over bound", reference_error(facet_opposite(a, b), x, 0) / bound);
-        CHECK(reference_error(facet_opposite(a, b), x, 0) <= bound);
-        CHECK(facet_opposite(a, b) == facet_opposite(b, a));
+        check_note("error over bound", reference_error(opposite(a, b), x, 0) / bound);
+        CHECK(reference_error(opposite(a, b), x, 0) <= bound);
+        CHECK(opposite(a, b) == opposite(b, a));
     }
     check_note("of all", (double)checked / (double)n);
     CHECK(2 * checked >= n);
-    CHECK(facet_opposite(0, 1e300) == 1 && facet_opposite(INFINITY, 0) == 1);
-    CHECK(facet_opposite(INFINITY, 1e-3) == 0 && facet_opposite(1e300, 1e300) == 0);
+    CHECK(opposite(0, 1e300) == 1 && opposite(INFINITY, 0) == 1);
+    CHECK(opposite(INFINITY, 1e-3) == 0 && opposite(1e300, 1e300) == 0);
 }

@@ -71,7 +71,7 @@ static struct sums integrate(const facet_bsdf *bsdf, const double wo[3])
             for (int j = 0; j < 3; j++) o[j][k] = wo[j];
         }
         facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {pdf}}};
-        CHECK_INT(facet_bsdf_eval(bsdf, (facet_vec3_in){i[0], i[1], i[2]}, (facet_vec3_in){o[0], o[1], o[2]}, N, &outputs), FACET_OK);
+        CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, (facet_vec3_in){i[0], i[1], i[2]}, (facet_vec3_in){o[0], o[1], o[2]}, N, &outputs), FACET_OK);
         for (int k = 0; k < N; k++) {
             double area = 2 * pi * w[row % GAUSS_NODES] * w[k % GAUSS_NODES] / (TILES * TILES);
             const double wi[3] = {i[0][k], i[1][k], i[2][k]};
@@ -140,7 +140,7 @@ static double fr_cos_of(const facet_bsdf *bsdf, const double wi[3], const double
     double v[6], value;
     for (int j = 0; j < 3; j++) v[j] = turn * wi[j], v[3 + j] = turn * wo[j];
     facet_outputs outputs = {.of = {[FACET_FR_COS] = {&value}}};
-    facet_bsdf_eval(bsdf, (facet_vec3_in){&v[0], &v[1], &v[2]}, (facet_vec3_in){&v[3], &v[4], &v[5]}, 1, &outputs);
+    facet_bsdf_eval(bsdf, FACET_PRECISE, (facet_vec3_in){&v[0], &v[1], &v[2]}, (facet_vec3_in){&v[3], &v[4], &v[5]}, 1, &outputs);
     return value;
 }
 
@@ -299,9 +299,9 @@ static struct tally draw(const facet_bsdf *bsdf, const double wo[3], size_t n, u
             for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng), o[j][k] = wo[j];
         facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
         facet_samples samples = {.wi = {i[0], i[1], i[2]}, .weight = {weight}, .pdf = pdf};
-        CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH, &samples), FACET_OK);
+        CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH, &samples), FACET_OK);
         facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {again}}};
-        CHECK_INT(facet_bsdf_eval(bsdf, to, from, BATCH, &outputs), FACET_OK);
+        CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, to, from, BATCH, &outputs), FACET_OK);
         for (int k = 0; k < BATCH; k++) {
             const double wi[3] = {i[0][k], i[1][k], i[2][k]};
             check_note("pdf", fabs(pdf[k] / again[k] - 1));
@@ -391,8 +391,8 @@ static void check_lobes(const facet_material *m, const double wo_[3], unsigned l
     facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
     facet_samples samples = {.wi = {i[0], i[1], i[2]}, .h = {h[0], h[1], h[2]}, .pdf = pdf};
     facet_outputs outputs = {.of = {[FACET_PDF] = {again}}};
-    CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], N, &samples), FACET_OK);
-    CHECK_INT(facet_bsdf_eval(bsdf, to, from, N, &outputs), FACET_OK);
+    CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], N, &samples), FACET_OK);
+    CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, to, from, N, &outputs), FACET_OK);
     double n = wo_[2] < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0], sum = 0, spread = 1e-9;
     double least = facet_roughness_to_ellipse(&m->roughness).alpha_2;
     for (int k = 0; k < N; k++) {
@@ -447,8 +447,8 @@ static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
     }
     facet_vec3_in i = {v[0], v[1], v[2]}, o = {v[3], v[4], v[5]};
     facet_samples samples = {.wi = {wi[0], wi[1], wi[2]}, .h = {h[0], h[1], h[2]}, .weight = {weight}, .pdf = pdf};
-    CHECK_INT(facet_bsdf_eval(bsdf, i, o, N, &outputs), FACET_OK);
-    CHECK_INT(facet_bsdf_sample(bsdf, FACET_SAMPLER_AUTO, o, u[0], u[1], u[2], N, &samples), FACET_OK);
+    CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, i, o, N, &outputs), FACET_OK);
+    CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, o, u[0], u[1], u[2], N, &samples), FACET_OK);
     for (int k = 0; k < N; k++) {
         for (int q = 0; q < FACET_QUANTITY_COUNT; q++) CHECK(isfinite(out[q][k]) && out[q][k] >= 0);
         double size = sqrt(wi[0][k] * wi[0][k] + wi[1][k] * wi[1][k] + wi[2][k] * wi[2][k]);
