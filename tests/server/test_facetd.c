@@ -99,10 +99,14 @@ TEST(capabilities_tell_the_limits_of_the_options)
     const char *its = tabulated ? strstr(tabulated, "\"transmission\":") : NULL;
     CHECK(its && strncmp(its, "\"transmission\":false", 20) == 0);
     /* Costs are measured once: the same answer, so the same ETag, ever after. */
-    char *first = strdup(answer.body);
+    const char *tag = answer_header(&answer, "ETag");
+    char *first = strdup(answer.body), *first_tag = strdup(tag ? tag : "");
     CHECK(daemon_get(&daemon, "/v1/capabilities", &answer));
     CHECK(first && strcmp(first, answer.body) == 0);
+    CHECK(first_tag && *first_tag);
+    CHECK_STR(answer_header(&answer, "ETag"), first_tag);
     free(first);
+    free(first_tag);
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 

@@ -3,6 +3,8 @@
 #include "check.h"
 #include "daemon.h"
 
+#include "../../server/urgent.h"
+
 #include <dirent.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -62,7 +64,6 @@ TEST(what_serving_does_not_need_is_refused)
 /* Threads that have the slice of urgent_thread; the kernel tells it since 6.12. */
 static int urgent_threads(const struct daemon *daemon)
 {
-    enum { SLICE_NS = 100000 };
     char path[64];
     int found = 0;
     snprintf(path, sizeof path, "/proc/%ld/task", (long)daemon->pid);
@@ -70,7 +71,7 @@ static int urgent_threads(const struct daemon *daemon)
     for (struct dirent *e; dir && (e = readdir(dir));) {
         uint64_t attributes[6] = {0}; /* struct sched_attr, version 0: the fourth is sched_runtime */
         long tid = strtol(e->d_name, NULL, 10);
-        if (tid > 0 && !syscall(SYS_sched_getattr, tid, attributes, sizeof attributes, 0)) found += attributes[3] == SLICE_NS;
+        if (tid > 0 && !syscall(SYS_sched_getattr, tid, attributes, sizeof attributes, 0)) found += attributes[3] == URGENT_SLICE_NS;
     }
     if (dir) closedir(dir);
     return found;
