@@ -18,12 +18,6 @@ enum client_phase {
 
 struct http;
 
-/*
- * Bytes that libmicrohttpd gets for each: the request's head and the answer's, and half of it is
- * what a body comes in; zeroed for each request, so that more costs caches.
- */
-enum { CONNECTION_MEMORY = 24576 };
-
 struct client {
     struct request request;
     struct http *http;

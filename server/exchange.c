@@ -15,10 +15,9 @@ enum { SMALL_BODY = 65536 }; /* so many bytes are no reason to give memory back 
 /* Each takes memory of the connection's as soon as the request line is parsed. */
 static bool has_too_many_parameters(const char *query)
 {
-    enum { PARAMETERS_MAX = 128 };
     size_t count = 1;
     for (const char *at = query; (at = strchr(at, '&')); at++) count++;
-    return count > PARAMETERS_MAX;
+    return count > REQUEST_PARAMETERS_MAX;
 }
 
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
@@ -34,7 +33,10 @@ void *exchange_begin(void *user, const char *target, struct MHD_Connection *conn
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     http_gauge(http, METRIC_ACTIVE, ++http->active_count);
     if (has_too_many_parameters(client->request.query)) {
-        request_refuse(&client->request, 414, "the query has more than 128 parameters");
+        char detail[64];
+        snprintf(detail, sizeof detail, "the query has more than %d parameters",
+                 REQUEST_PARAMETERS_MAX);
+        request_refuse(&client->request, 414, detail);
         answer_raw(http, client);
     }
     return client;

@@ -156,7 +156,7 @@ int main(int argc, char **argv)
 {
     struct options options;
     char token[TOKEN_SIZE];
-    struct api_limit limits[OPTIONS_LIMITS];
+    struct api_limit limits[OPTIONS_LIMITS + REQUEST_LIMITS];
     struct parts parts = {.options = &options};
     switch (options_read(argc, argv, &options)) {
     case OPTIONS_BAD:
@@ -184,7 +184,8 @@ int main(int argc, char **argv)
         return 1;
     }
     options_limits(&options, limits);
-    api_announce_limits(limits, OPTIONS_LIMITS);
+    memcpy(limits + OPTIONS_LIMITS, request_limits, sizeof request_limits);
+    api_announce_limits(limits, OPTIONS_LIMITS + REQUEST_LIMITS);
     systemd_open();
     metrics_open();
     page_open(!options.no_page);

@@ -13,6 +13,12 @@
 
 #define RETRY_AFTER_S "1"
 
+const struct api_limit request_limits[REQUEST_LIMITS] = {
+#define REQUEST_LIMIT(id, name, value, doc) {name, value, doc},
+#include "request_limits.def"
+#undef REQUEST_LIMIT
+};
+
 static void run_job(struct pool_job *job)
 {
     request_run((struct request *)job); /* its first member */

@@ -13,13 +13,24 @@
 #include <stdint.h>
 
 enum {
-    REQUEST_TARGET_MAX = 8000, /* bytes of path and query; RFC 9112 section 3 recommends 8000 */
+#define REQUEST_LIMIT(id, name, value, doc) REQUEST_##id = (value),
+#include "request_limits.def"
+#undef REQUEST_LIMIT
     REQUEST_ID_MAX = 64,
     REQUEST_BLOCK = 131072,  /* bytes of a streamed answer that wait to be sent */
     REQUEST_TRACE_SIZE = 56, /* a traceparent of version 00 and its NUL */
     REQUEST_ETAG_SIZE = 20,
     REQUEST_HEADERS_MAX = API_HEADERS_MAX + 14
 };
+
+/* REQUEST_TARGET_MAX and its like, for api_announce_limits. */
+enum {
+    REQUEST_LIMITS = 0
+#define REQUEST_LIMIT(id, name, value, doc) +1
+#include "request_limits.def"
+#undef REQUEST_LIMIT
+};
+extern const struct api_limit request_limits[REQUEST_LIMITS];
 
 struct request {
     struct pool_job job; /* first: the pool hands it back */

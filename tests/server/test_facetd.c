@@ -92,6 +92,8 @@ TEST(capabilities_tell_the_limits_of_the_options)
     CHECK(strstr(answer.body, "{\"name\":\"json_body\",\"value\":67108864,"));
     CHECK(strstr(answer.body, "{\"name\":\"queue\",\"value\":77,"));
     CHECK(strstr(answer.body, "{\"name\":\"max_connections\",\"value\":42,"));
+    CHECK(strstr(answer.body, "{\"name\":\"parameters\",\"value\":128,"));
+    CHECK(strstr(answer.body, "{\"name\":\"target\",\"value\":8000,"));
     CHECK(!strstr(answer.body, "\"port\""));
     /* Rough dielectrics of analytic distributions alone. */
     CHECK(strstr(answer.body, "\"ndf\":\"tabulated\"") && strstr(answer.body, "\"transmission\":true"));
