@@ -40,9 +40,6 @@ struct client {
 void client_set_address(struct client *client, const struct sockaddr *address);
 bool client_has_address(const struct client *client);
 
-/* A request header by its name, NULL if absent. */
-const char *client_header(const struct client *client, const char *name);
-
 /* A token bucket: each piece of an upload buys time at `min_rate`, up to `grace_us` from now. */
 void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us);
 

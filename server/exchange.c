@@ -51,7 +51,7 @@ static bool cors_allows(const struct http *http, const char *origin)
 static enum MHD_Result answer_now(struct http *http, struct client *client)
 {
     request_run(&client->request);
-    request_tag(&client->request, client_header(client, "If-None-Match"));
+    request_tag(&client->request);
     return answer_send(http, client);
 }
 
@@ -149,6 +149,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     request->content_type = head.value[HEAD_CONTENT_TYPE];
     request->accept = head.value[HEAD_ACCEPT];
     request->accept_encoding = head.value[HEAD_ACCEPT_ENCODING];
+    request->if_none_match = head.value[HEAD_IF_NONE_MATCH];
     request->body_expected = head.length;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     if (cors_allows(http, head.value[HEAD_ORIGIN])) request->cors = http->options->cors;

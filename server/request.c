@@ -171,8 +171,9 @@ static void drop_content_encoding(struct api_response *response)
     response->header_count = kept;
 }
 
-void request_tag(struct request *request, const char *wanted)
+void request_tag(struct request *request)
 {
+    const char *wanted = request->if_none_match;
     struct api_response *response = &request->response;
     bool is_document = !strncmp(request->path, "/v1/", 4) || page_find(request->path);
     if (response->status != 200 || response->stream || !is_document) return;

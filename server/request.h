@@ -43,7 +43,7 @@ struct request {
     char *target; /* owned; path and query point into it */
     const char *path, *query;
     /* The connection's, valid until the request completes. */
-    const char *content_type, *accept, *accept_encoding;
+    const char *content_type, *accept, *accept_encoding, *if_none_match;
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;
@@ -103,10 +103,10 @@ void request_refuse(struct request *request, int status, const char *detail);
 
 /*
  * Gives the answer to a GET an entity tag made of its bytes, and turns it into 304 if the client has
- * it already: `wanted` is If-None-Match.  For /v1 and the page alone; what POSTs answer costs more to keep than
- * to compute, and probes are never the same.
+ * it already.  For /v1 and the page alone; what POSTs answer costs more to keep than to compute, and
+ * probes are never the same.
  */
-void request_tag(struct request *request, const char *wanted);
+void request_tag(struct request *request);
 
 struct request_header {
     const char *name, *value;
