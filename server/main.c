@@ -17,6 +17,7 @@
 #include "sandbox.h"
 #include "systemd.h"
 #include "token.h"
+#include "urgent.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -131,6 +132,7 @@ static bool begin(struct parts *parts)
     if (!parts->loop) return false;
     if (parts->admin_ones.count && !(parts->admin = admin_start(options, &parts->admin_ones)))
         return false;
+    urgent_thread(); /* after the workers, which would inherit it */
     return sandbox_calls(options->sandbox) && announce(&parts->main_ones, &parts->admin_ones);
 }
 
