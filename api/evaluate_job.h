@@ -25,6 +25,7 @@ struct slot {
     int fault_of;
     size_t fault_at;
     double compute_us, encode_us;
+    double clock_us; /* the last look at it */
 };
 
 struct job {

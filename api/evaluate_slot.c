@@ -120,13 +120,19 @@ static void widen(const struct job *job, struct scratch *s, size_t n)
             for (size_t i = 0; i < n; i++) s->out[q][c][i] = s->float_out[q][c][i];
 }
 
+/* Microseconds since the last look at the clock: where one thing ends the next begins. */
+static double lap(struct slot *slot)
+{
+    const double now = api_clock(), spent = now - slot->clock_us;
+    slot->clock_us = now;
+    return spent;
+}
+
 /* Whether the block is done: not where a result is beyond floats. */
 static bool run_floats(const struct job *job, struct slot *slot, struct scratch *s, size_t at, size_t n)
 {
-    double start = api_clock();
     slot->status = evaluate_floats(job, s, at, n);
-    double computed = api_clock();
-    slot->compute_us += computed - start;
+    slot->compute_us += lap(slot);
     if (slot->status) return true;
     bool sound = are_sound(job, s, n);
     if (sound && job->evaluation->representation.format == RESULTS_FLOAT32) {
@@ -135,18 +141,16 @@ static bool run_floats(const struct job *job, struct slot *slot, struct scratch 
         widen(job, s, n);
         encode_doubles(job, slot, s, at, n);
     }
-    slot->encode_us += api_clock() - computed;
+    slot->encode_us += lap(slot);
     return sound;
 }
 
 static bool run_doubles(const struct job *job, struct slot *slot, struct scratch *s, size_t at, size_t n)
 {
-    double start = api_clock();
     slot->status = evaluate_doubles(job, s, at, n);
-    double computed = api_clock();
+    slot->compute_us += lap(slot);
     bool ok = !slot->status && encode_doubles(job, slot, s, at, n);
-    slot->compute_us += computed - start;
-    slot->encode_us += api_clock() - computed;
+    slot->encode_us += lap(slot);
     return ok;
 }
 
@@ -157,6 +161,7 @@ void api_run_slot(void *job_, size_t index)
     struct scratch scratch;
     bool on_floats = api_runs_on_floats(job, job->promise.tier);
     scratch.again = scratch.float_again = false;
+    slot->clock_us = api_clock();
     for (size_t done = 0, n; done < slot->n && !slot->status && slot->fault == RESULTS_SOUND; done += n) {
         n = slot->n - done < BLOCK ? slot->n - done : BLOCK;
         if (on_floats && run_floats(job, slot, &scratch, slot->at + done, n)) continue;

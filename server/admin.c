@@ -78,11 +78,13 @@ struct admin *admin_start(const struct options *options, struct listeners *liste
                                                     .site = SITE_ADMIN,
                                                     .max_connections = CONNECTIONS});
     admin->acceptor = (struct acceptor){.http = admin->http, .listeners = listeners};
+    if (!admin->http) goto failed;
     sem_init(&admin->urgent, 0, 0); /* fails for values and kinds that these are not */
-    if (admin->http && !(errno = pthread_create(&admin->thread, NULL, run, admin))) {
+    if (!(errno = pthread_create(&admin->thread, NULL, run, admin))) {
         while (sem_wait(&admin->urgent)) continue; /* EINTR */
         return admin;
     }
+    sem_destroy(&admin->urgent);
 failed:
     fprintf(stderr, "facetd: cannot start the admin listener: %s\n", strerror(errno));
     if (admin) {

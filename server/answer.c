@@ -67,7 +67,7 @@ static bool has_room(const struct client *client, const struct request_header *h
     if (!client->head_memory) return true;
     for (size_t i = 0; i < count; i++)
         size += strlen(headers[i].name) + strlen(headers[i].value) + 4;
-    return size <= CONNECTION_MEMORY;
+    return size <= REQUEST_HEAD_MEMORY;
 }
 
 static enum MHD_Result refuse_head(struct http *http, struct client *client)

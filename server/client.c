@@ -7,11 +7,6 @@
 #include <string.h>
 #include <sys/socket.h>
 
-const char *client_header(const struct client *client, const char *name)
-{
-    return MHD_lookup_connection_value(client->connection, MHD_HEADER_KIND, name);
-}
-
 void client_set_address(struct client *client, const struct sockaddr *address)
 {
     if (address && address->sa_family == AF_INET6) {

@@ -18,12 +18,6 @@ enum client_phase {
 
 struct http;
 
-/*
- * Bytes that libmicrohttpd gets for each: the request's head and the answer's, and half of it is
- * what a body comes in; zeroed for each request, so that more costs caches.
- */
-enum { CONNECTION_MEMORY = 24576 };
-
 struct client {
     struct request request;
     struct http *http;
@@ -45,9 +39,6 @@ struct client {
 
 void client_set_address(struct client *client, const struct sockaddr *address);
 bool client_has_address(const struct client *client);
-
-/* A request header by its name, NULL if absent. */
-const char *client_header(const struct client *client, const char *name);
 
 /* A token bucket: each piece of an upload buys time at `min_rate`, up to `grace_us` from now. */
 void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us);

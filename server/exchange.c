@@ -15,10 +15,9 @@ enum { SMALL_BODY = 65536 }; /* so many bytes are no reason to give memory back 
 /* Each takes memory of the connection's as soon as the request line is parsed. */
 static bool has_too_many_parameters(const char *query)
 {
-    enum { PARAMETERS_MAX = 128 };
     size_t count = 1;
     for (const char *at = query; (at = strchr(at, '&')); at++) count++;
-    return count > PARAMETERS_MAX;
+    return count > REQUEST_PARAMETERS_MAX;
 }
 
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
@@ -34,7 +33,10 @@ void *exchange_begin(void *user, const char *target, struct MHD_Connection *conn
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     http_gauge(http, METRIC_ACTIVE, ++http->active_count);
     if (has_too_many_parameters(client->request.query)) {
-        request_refuse(&client->request, 414, "the query has more than 128 parameters");
+        char detail[64];
+        snprintf(detail, sizeof detail, "the query has more than %d parameters",
+                 REQUEST_PARAMETERS_MAX);
+        request_refuse(&client->request, 414, detail);
         answer_raw(http, client);
     }
     return client;
@@ -49,7 +51,7 @@ static bool cors_allows(const struct http *http, const char *origin)
 static enum MHD_Result answer_now(struct http *http, struct client *client)
 {
     request_run(&client->request);
-    request_tag(&client->request, client_header(client, "If-None-Match"));
+    request_tag(&client->request);
     return answer_send(http, client);
 }
 
@@ -147,6 +149,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     request->content_type = head.value[HEAD_CONTENT_TYPE];
     request->accept = head.value[HEAD_ACCEPT];
     request->accept_encoding = head.value[HEAD_ACCEPT_ENCODING];
+    request->if_none_match = head.value[HEAD_IF_NONE_MATCH];
     request->body_expected = head.length;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     if (cors_allows(http, head.value[HEAD_ORIGIN])) request->cors = http->options->cors;

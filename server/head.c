@@ -74,6 +74,7 @@ static enum head_field field_of(const char *name, size_t size)
         NAME(HEAD_ORIGIN, "Origin"),
         NAME(HEAD_REQUEST_ID, "X-Request-Id"),
         NAME(HEAD_TRACEPARENT, "traceparent"),
+        NAME(HEAD_IF_NONE_MATCH, "If-None-Match"),
     };
 #undef NAME
     unsigned field = 0;

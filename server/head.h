@@ -37,6 +37,7 @@ enum head_field {
     HEAD_ORIGIN,
     HEAD_REQUEST_ID,
     HEAD_TRACEPARENT,
+    HEAD_IF_NONE_MATCH,
     HEAD_FIELDS
 };
 

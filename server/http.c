@@ -146,10 +146,11 @@ static bool start_daemon(struct http *http)
         NULL, exchange_step, http, MHD_OPTION_CONNECTION_LIMIT,
         (unsigned)(http->config.max_connections + SLACK), MHD_OPTION_CONNECTION_TIMEOUT,
         (unsigned)options->timeout + LATER_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        (size_t)CONNECTION_MEMORY, MHD_OPTION_CONNECTION_MEMORY_INCREMENT, (size_t)MEMORY_INCREMENT,
-        MHD_OPTION_SIGPIPE_HANDLED_BY_APP, 1, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
-        MHD_OPTION_URI_LOG_CALLBACK, exchange_begin, http, MHD_OPTION_NOTIFY_COMPLETED, exchange_end,
-        http, MHD_OPTION_STRICT_FOR_CLIENT, STRICTNESS, MHD_OPTION_END);
+        (size_t)REQUEST_HEAD_MEMORY, MHD_OPTION_CONNECTION_MEMORY_INCREMENT,
+        (size_t)MEMORY_INCREMENT, MHD_OPTION_SIGPIPE_HANDLED_BY_APP, 1,
+        MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_URI_LOG_CALLBACK,
+        exchange_begin, http, MHD_OPTION_NOTIFY_COMPLETED, exchange_end, http,
+        MHD_OPTION_STRICT_FOR_CLIENT, STRICTNESS, MHD_OPTION_END);
     if (!http->daemon) return false;
     const union MHD_DaemonInfo *info = MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_EPOLL_FD);
     if (!info) return false;

@@ -55,13 +55,21 @@ void log_flush(void)
     pthread_mutex_unlock(&sink.mutex);
 }
 
+/* With the mutex held. */
 static size_t put_time(char *to, size_t size)
 {
+    static char date[40]; /* of that second: a busy daemon writes thousands of lines in each */
+    static time_t second = -1;
+    static size_t n;
     struct timespec now;
     struct tm utc;
     clock_gettime(CLOCK_REALTIME, &now);
-    if (!gmtime_r(&now.tv_sec, &utc)) return 0;
-    size_t n = strftime(to, size, "time=%Y-%m-%dT%H:%M:%S", &utc);
+    if (now.tv_sec != second) {
+        if (!gmtime_r(&now.tv_sec, &utc)) return 0;
+        n = strftime(date, sizeof date, "time=%Y-%m-%dT%H:%M:%S", &utc);
+        second = now.tv_sec;
+    }
+    memcpy(to, date, n);
     int more = snprintf(to + n, size - n, ".%03ldZ ", now.tv_nsec / 1000000);
     return more < 0 ? n : n + (size_t)more;
 }

@@ -17,6 +17,7 @@
 #include "sandbox.h"
 #include "systemd.h"
 #include "token.h"
+#include "urgent.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -131,6 +132,7 @@ static bool begin(struct parts *parts)
     if (!parts->loop) return false;
     if (parts->admin_ones.count && !(parts->admin = admin_start(options, &parts->admin_ones)))
         return false;
+    urgent_thread(); /* after the workers, which would inherit it */
     return sandbox_calls(options->sandbox) && announce(&parts->main_ones, &parts->admin_ones);
 }
 
@@ -156,7 +158,7 @@ int main(int argc, char **argv)
 {
     struct options options;
     char token[TOKEN_SIZE];
-    struct api_limit limits[OPTIONS_LIMITS];
+    struct api_limit limits[OPTIONS_LIMITS + REQUEST_LIMITS];
     struct parts parts = {.options = &options};
     switch (options_read(argc, argv, &options)) {
     case OPTIONS_BAD:
@@ -184,7 +186,8 @@ int main(int argc, char **argv)
         return 1;
     }
     options_limits(&options, limits);
-    api_announce_limits(limits, OPTIONS_LIMITS);
+    memcpy(limits + OPTIONS_LIMITS, request_limits, sizeof request_limits);
+    api_announce_limits(limits, OPTIONS_LIMITS + REQUEST_LIMITS);
     systemd_open();
     metrics_open();
     page_open(!options.no_page);

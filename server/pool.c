@@ -31,11 +31,13 @@ struct pool {
     pthread_t threads[];
 };
 
-static void finish(struct pool *pool, struct pool_job *job)
+/*
+ * Whoever is woken takes the mutex first: so all wake-ups come after it is free, or the woken
+ * thread would go back to sleep at once.
+ */
+static void tell_done(const struct pool *pool)
 {
     const uint64_t one = 1;
-    job->next = pool->done;
-    pool->done = job;
     /* Fails only if 2^64 - 2 signals were waiting; the fd is readable then anyway. */
     while (write(pool->fd, &one, sizeof one) < 0 && errno == EINTR) {
     }
@@ -65,7 +67,9 @@ void pool_share(struct pool *pool, size_t count, void (*task)(void *arg, size_t 
     pthread_mutex_lock(&pool->mutex);
     share.next = pool->shares;
     pool->shares = &share;
+    pthread_mutex_unlock(&pool->mutex);
     pthread_cond_broadcast(&pool->work);
+    pthread_mutex_lock(&pool->mutex);
     take_tasks(pool, &share);
     while (share.helpers) pthread_cond_wait(&pool->helped, &pool->mutex);
     struct share **at = &pool->shares;
@@ -102,7 +106,11 @@ static void *work(void *user)
         pthread_mutex_unlock(&pool->mutex);
         job->run(job);
         pthread_mutex_lock(&pool->mutex);
-        finish(pool, job);
+        job->next = pool->done;
+        pool->done = job;
+        pthread_mutex_unlock(&pool->mutex);
+        tell_done(pool);
+        pthread_mutex_lock(&pool->mutex);
     }
     pthread_mutex_unlock(&pool->mutex);
     return NULL;
@@ -156,8 +164,8 @@ bool pool_submit(struct pool *pool, struct pool_job *job)
     pthread_mutex_lock(&pool->mutex);
     *pool->last = job;
     pool->last = &job->next;
-    pthread_cond_signal(&pool->work);
     pthread_mutex_unlock(&pool->mutex);
+    pthread_cond_signal(&pool->work);
     return true;
 }
 
@@ -188,7 +196,8 @@ struct pool_job *pool_collect(struct pool *pool)
     pthread_mutex_lock(&pool->mutex);
     struct pool_job *job = pool->done;
     if (job) pool->done = job->next;
-    /* Reset under the lock, so that no later finish is missed; EAGAIN: it was reset before. */
+    /* Under the lock, so that no later job is missed: it is told of after that.  EAGAIN: it was
+     * read before. */
     if (!pool->done)
         while (read(pool->fd, &count, sizeof count) < 0 && errno == EINTR) {
         }

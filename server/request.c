@@ -13,6 +13,12 @@
 
 #define RETRY_AFTER_S "1"
 
+const struct api_limit request_limits[REQUEST_LIMITS] = {
+#define REQUEST_LIMIT(id, name, value, doc) {name, value, doc},
+#include "request_limits.def"
+#undef REQUEST_LIMIT
+};
+
 static void run_job(struct pool_job *job)
 {
     request_run((struct request *)job); /* its first member */
@@ -165,8 +171,9 @@ static void drop_content_encoding(struct api_response *response)
     response->header_count = kept;
 }
 
-void request_tag(struct request *request, const char *wanted)
+void request_tag(struct request *request)
 {
+    const char *wanted = request->if_none_match;
     struct api_response *response = &request->response;
     bool is_document = !strncmp(request->path, "/v1/", 4) || page_find(request->path);
     if (response->status != 200 || response->stream || !is_document) return;

@@ -13,13 +13,24 @@
 #include <stdint.h>
 
 enum {
-    REQUEST_TARGET_MAX = 8000, /* bytes of path and query; RFC 9112 section 3 recommends 8000 */
+#define REQUEST_LIMIT(id, name, value, doc) REQUEST_##id = (value),
+#include "request_limits.def"
+#undef REQUEST_LIMIT
     REQUEST_ID_MAX = 64,
     REQUEST_BLOCK = 131072,  /* bytes of a streamed answer that wait to be sent */
     REQUEST_TRACE_SIZE = 56, /* a traceparent of version 00 and its NUL */
     REQUEST_ETAG_SIZE = 20,
     REQUEST_HEADERS_MAX = API_HEADERS_MAX + 14
 };
+
+/* REQUEST_TARGET_MAX and its like, for api_announce_limits. */
+enum {
+    REQUEST_LIMITS = 0
+#define REQUEST_LIMIT(id, name, value, doc) +1
+#include "request_limits.def"
+#undef REQUEST_LIMIT
+};
+extern const struct api_limit request_limits[REQUEST_LIMITS];
 
 struct request {
     struct pool_job job; /* first: the pool hands it back */
@@ -32,7 +43,7 @@ struct request {
     char *target; /* owned; path and query point into it */
     const char *path, *query;
     /* The connection's, valid until the request completes. */
-    const char *content_type, *accept, *accept_encoding;
+    const char *content_type, *accept, *accept_encoding, *if_none_match;
     struct api_route route;
     char *body;
     size_t body_size, body_capacity;
@@ -92,10 +103,10 @@ void request_refuse(struct request *request, int status, const char *detail);
 
 /*
  * Gives the answer to a GET an entity tag made of its bytes, and turns it into 304 if the client has
- * it already: `wanted` is If-None-Match.  For /v1 and the page alone; what POSTs answer costs more to keep than
- * to compute, and probes are never the same.
+ * it already.  For /v1 and the page alone; what POSTs answer costs more to keep than to compute, and
+ * probes are never the same.
  */
-void request_tag(struct request *request, const char *wanted);
+void request_tag(struct request *request);
 
 struct request_header {
     const char *name, *value;

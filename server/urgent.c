@@ -17,10 +17,9 @@ struct attributes {
 
 void urgent_thread(void)
 {
-    enum { SLICE_NS = 100000 }; /* the shortest there is */
     const struct attributes attributes = {.size = sizeof attributes,
                                           .nice = getpriority(PRIO_PROCESS, 0),
-                                          .runtime = SLICE_NS};
+                                          .runtime = URGENT_SLICE_NS};
     /* Refused, it is as it was. */
     (void)syscall(SYS_sched_setattr, 0, &attributes, 0);
 }

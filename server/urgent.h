@@ -2,6 +2,8 @@
 #ifndef URGENT_H
 #define URGENT_H
 
+enum { URGENT_SLICE_NS = 100000 }; /* the shortest there is */
+
 /*
  * The calling thread asks the scheduler for short slices, so that it runs soon after it wakes (Linux
  * 6.12 and later; earlier ones ignore it).  It gets no more CPU than before.

@@ -92,6 +92,8 @@ TEST(capabilities_tell_the_limits_of_the_options)
     CHECK(strstr(answer.body, "{\"name\":\"json_body\",\"value\":67108864,"));
     CHECK(strstr(answer.body, "{\"name\":\"queue\",\"value\":77,"));
     CHECK(strstr(answer.body, "{\"name\":\"max_connections\",\"value\":42,"));
+    CHECK(strstr(answer.body, "{\"name\":\"parameters\",\"value\":128,"));
+    CHECK(strstr(answer.body, "{\"name\":\"target\",\"value\":8000,"));
     CHECK(!strstr(answer.body, "\"port\""));
     /* Rough dielectrics of analytic distributions alone. */
     CHECK(strstr(answer.body, "\"ndf\":\"tabulated\"") && strstr(answer.body, "\"transmission\":true"));
@@ -99,10 +101,14 @@ TEST(capabilities_tell_the_limits_of_the_options)
     const char *its = tabulated ? strstr(tabulated, "\"transmission\":") : NULL;
     CHECK(its && strncmp(its, "\"transmission\":false", 20) == 0);
     /* Costs are measured once: the same answer, so the same ETag, ever after. */
-    char *first = strdup(answer.body);
+    const char *tag = answer_header(&answer, "ETag");
+    char *first = strdup(answer.body), *first_tag = strdup(tag ? tag : "");
     CHECK(daemon_get(&daemon, "/v1/capabilities", &answer));
     CHECK(first && strcmp(first, answer.body) == 0);
+    CHECK(first_tag && *first_tag);
+    CHECK_STR(answer_header(&answer, "ETag"), first_tag);
     free(first);
+    free(first_tag);
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 
