@@ -349,7 +349,8 @@ static bool prepare(struct call *call, struct job *job)
     if (!survey_wo(call, job) || !check_views(job, call->problem)) return false;
     if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
-        !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
+        !api_promise(&in->accuracy, bound_of, job, api_bound_obstacle(&job->surface, 1, job->input_error),
+                     call->problem, &job->promise))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);

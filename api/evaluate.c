@@ -5,6 +5,7 @@
 #include "limits.h"
 #include "transmission.h"
 
+#include <float.h>
 #include <math.h>
 
 size_t api_channels(int64_t requested, size_t material, struct problem *problem)
@@ -12,7 +13,10 @@ size_t api_channels(int64_t requested, size_t material, struct problem *problem)
     struct place at = {NULL, "channels", 0};
     if (requested < 0) return material;
     if (requested == 3 || (requested == 1 && material == 1)) return (size_t)requested;
-    api_problem_at(problem, &at, requested == 1 ? "the material is coloured" : "must be 1 or 3");
+    if (requested == 1)
+        api_problem_at(problem, &at, "1 is too few: the material is coloured, its results are [r,g,b]");
+    else
+        api_problem_at(problem, &at, "%lld must be 1 or 3", (long long)requested);
     return 0;
 }
 
@@ -20,8 +24,10 @@ bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem)
 {
     struct place at = {NULL, "outputs", 0};
     if (count <= LIMIT_NUMBERS / per_element) return true;
-    return api_problem_at(problem, &at, "%zu x %zu numbers are outside [1, %d]", count, per_element,
-                          LIMIT_NUMBERS);
+    return api_problem_at(problem, &at,
+                          "%zu elements of %zu numbers are more than the %d numbers of one answer: ask for fewer "
+                          "outputs, or for at most %zu elements",
+                          count, per_element, LIMIT_NUMBERS, LIMIT_NUMBERS / per_element);
 }
 
 /*
@@ -68,6 +74,24 @@ static bool takes_floats(const struct job *job)
 {
     return job->evaluation->representation.format != RESULTS_FLOAT64 && !job->surface.has_diffuse && !job->surface.bsdf &&
            api_pairs_are_floats(&job->pairs);
+}
+
+const char *api_bound_obstacle(const struct surface *surface, double condition, double input_error)
+{
+    const facet_roughness *r = &surface->facet.roughness;
+    if (condition > 1 / DBL_EPSILON)
+        return "shear \"thesis\" divides by what cancels or underflows at these directions; \"energy_safe\" does "
+               "not";
+    if (surface->parameter_error >= 1)
+        return "the slopes' covariance is so close to singular that rounding leaves nothing of it; alpha_1, "
+               "alpha_2 and phi, or a rougher base, keep it";
+    if (input_error > 0)
+        return "these directions were computed, and their rounding is too much for this surface; send them as "
+               "vectors";
+    if (r->slope_x != 0 || r->slope_y != 0)
+        return "the mean slope is so many times the roughness that its rounding hides the surface; less mean "
+               "slope or more roughness has one";
+    return "a Fresnel term this steep magnifies every rounding";
 }
 
 static void join_round(struct job *job)
@@ -172,7 +196,9 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         !api_survey_pairs(call, job))
         return false;
     job->takes_floats = takes_floats(job);
-    if (!api_promise(evaluation->accuracy, bound_of, job, call->problem, &job->promise))
+    if (!api_promise(evaluation->accuracy, bound_of, job,
+                     api_bound_obstacle(&job->surface, job->condition, job->input_error), call->problem,
+                     &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
     api_represent_bound(&evaluation->representation, evaluation->accuracy, &job->promise);

@@ -74,7 +74,7 @@ void api_promise_fewer_digits(const struct tolerance_request *request, struct pr
 }
 
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
-                 struct problem *problem, struct promise *promise)
+                 const char *obstacle, struct problem *problem, struct promise *promise)
 {
     bool forced = request->tier >= 0;
     double tolerance = tolerance_of(request);
@@ -98,5 +98,5 @@ bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, co
                               "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
                               "that does is taken (/v1/capabilities: where each holds)",
                               api_tier_names[request->tier]);
-    return api_problem_at(problem, &at, "no bound can be promised for this request");
+    return api_problem_at(problem, &at, "no bound can be promised for this request: %s", obstacle);
 }

@@ -57,9 +57,12 @@ struct promise {
 /* The bound a tier promises for all that is asked; false: none. */
 typedef bool bound_fn(const void *asked, facet_tier tier, double *bound);
 
-/* The cheapest tier that meets the request, or a 422 that names the best bound there is. */
+/*
+ * The cheapest tier that meets the request, or a 422 that names the best bound there is; where there is
+ * none, `obstacle`: why, and what helps.
+ */
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
-                 struct problem *problem, struct promise *promise);
+                 const char *obstacle, struct problem *problem, struct promise *promise);
 
 /*
  * Only the digits that the tolerance needs, where it leaves room: for numbers

@@ -52,7 +52,7 @@ static void set_defaults(struct options *options)
     }
 }
 
-/* `where` names the flag or the variable in the message. */
+/* `where` names the flag or the variable in the message, up to a '='. */
 static bool set(struct options *options, const struct row *row, const char *where,
                 const char *value)
 {
@@ -64,8 +64,13 @@ static bool set(struct options *options, const struct row *row, const char *wher
     errno = 0;
     long number = strtol(value, &end, 10);
     if (errno || end == value || *end || number < row->min || number > row->max) {
-        fprintf(stderr, "facetd: %s takes a whole number from %ld to %ld, not \"%s\"\n", where,
-                row->min, row->max, value);
+        int name = (int)strcspn(where, "=");
+        if (row->is_flag)
+            fprintf(stderr, "facetd: %.*s takes %s1 or 0, not \"%s\"\n", name, where,
+                    *where == '-' ? "no value, or " : "", value);
+        else
+            fprintf(stderr, "facetd: %.*s takes a whole number from %ld to %ld, not \"%s\"\n", name,
+                    where, row->min, row->max, value);
         return false;
     }
     set_number(options, row, number);
