@@ -239,7 +239,7 @@ static bool handle(struct call *call)
     call->response->trace.tier = api_tier_names[FACET_PRECISE];
     if (!compute(call, job) || !promise(call, job) || !print(call, job, out)) return false;
     out->count = (int64_t)job->count;
-    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN};
+    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN, NAN};
     return true;
 }
 

@@ -389,7 +389,7 @@ static bool handle(struct call *call)
     out->wasted = (int64_t)job->wasted;
     out->accuracy =
         (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR,
-                          asked(job, WI) || asked(job, H) ? 1 : NAN};
+                          asked(job, WI) || asked(job, H) ? 1 : NAN, NAN};
     return answer(call, job);
 }
 

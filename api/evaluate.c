@@ -174,6 +174,14 @@ bool api_answer_evaluation(struct call *call, const struct evaluation *evaluatio
                              evaluation->array_count);
 }
 
+/* G and G1 divide by a sigma that may underflow where the mean slope turns the surface away. */
+static double ceiling_of(const struct job *job)
+{
+    const facet_roughness *r = &job->surface.facet.roughness;
+    const bool divides = api_is_asked(job, FACET_G) || api_is_asked(job, FACET_G1_I) || api_is_asked(job, FACET_G1_O);
+    return divides && (r->slope_x != 0 || r->slope_y != 0) ? DBL_MAX : NAN;
+}
+
 bool api_evaluate(struct call *call, struct evaluation *evaluation)
 {
     struct decoder decoder = {call->arena, call->problem};
@@ -214,6 +222,6 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     }
     evaluation->count = job->pairs.pairing.count;
     evaluation->answer =
-        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN};
+        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN, ceiling_of(job)};
     return true;
 }

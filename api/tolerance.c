@@ -18,6 +18,9 @@ const struct field api_accuracy_fields[] = {
     {MEMBER(struct accuracy, floor), FIELD_NUMBER, FIELD_MUST, .min = 0, .max = 1},
     {MEMBER(struct accuracy, direction_floor), FIELD_NUMBER, .min = 0, .max = 1,
      .doc = "the floor that holds for the components of directions (wi, h) in this answer"},
+    {MEMBER(struct accuracy, ceiling), FIELD_NUMBER,
+     .doc = "an exact x above it, the largest double, is answered as it: G and G1 of a surface with a mean slope, "
+            "seen from so far behind that next to nothing of it is left"},
     {0},
 };
 

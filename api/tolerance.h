@@ -37,6 +37,7 @@ struct accuracy {
     const char *tier;
     double bound, floor;
     double direction_floor; /* of wi and h; NAN where the answer holds none */
+    double ceiling;         /* NAN where nothing comes near */
 };
 extern const struct field api_accuracy_fields[];
 #define ACCURACY_FIELD(type_)                                                                      \
