@@ -254,7 +254,7 @@ static struct float_samples float_samples_of(struct job *job)
 static bool compute(struct call *call, struct job *job)
 {
     struct float_samples floats = float_samples_of(job);
-    const bool on_floats = !asked(job, SOLID_ANGLE) && !job->surface.bsdf && api_takes_float_samples(&floats, job->representation.format);
+    const bool on_floats = !asked(job, SOLID_ANGLE) && api_takes_float_samples(&floats, job->representation.format);
     const size_t most = on_floats ? SAMPLE_FLOATS_MAX : CHUNK;
     struct api_trace *trace = &call->response->trace;
     facet_samples samples = {{job->wi[0], job->wi[1], job->wi[2]},

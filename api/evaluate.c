@@ -36,7 +36,7 @@ bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem)
  */
 static bool are_floats(const struct job *job)
 {
-    return job->evaluation->representation.format == RESULTS_FLOAT32 && !job->surface.has_diffuse && !job->surface.bsdf;
+    return job->evaluation->representation.format == RESULTS_FLOAT32 && api_surface_takes_floats(&job->surface);
 }
 
 static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity quantity, double *bound)
@@ -72,7 +72,7 @@ static bool bound_of(const void *job_, facet_tier tier, double *bound)
 /* Of a material that floats evaluate as it is, directions that floats hold. */
 static bool takes_floats(const struct job *job)
 {
-    return job->evaluation->representation.format != RESULTS_FLOAT64 && !job->surface.has_diffuse && !job->surface.bsdf &&
+    return job->evaluation->representation.format != RESULTS_FLOAT64 && api_surface_takes_floats(&job->surface) &&
            api_pairs_are_floats(&job->pairs);
 }
 

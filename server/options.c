@@ -18,16 +18,11 @@ struct row {
 static const struct row rows[] = {
 #define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)                          \
     {flag, environment, help, offsetof(struct options, field), NULL, fallback, min, max, false},
-#define OPTION_LIMIT OPTION_NUMBER
 #define OPTION_TEXT(field, flag, environment, fallback, help)                                      \
     {flag, environment, help, offsetof(struct options, field), fallback, 0, 0, 0, false},
 #define OPTION_FLAG(field, flag, environment, help)                                                \
     {flag, environment, help, offsetof(struct options, field), NULL, 0, 0, 1, true},
 #include "options.def"
-#undef OPTION_LIMIT
-#undef OPTION_NUMBER
-#undef OPTION_TEXT
-#undef OPTION_FLAG
 };
 
 enum { ROW_COUNT = sizeof rows / sizeof *rows };
@@ -173,14 +168,7 @@ enum options_action options_read(int argc, char **argv, struct options *options)
 void options_limits(const struct options *options, struct api_limit limits[OPTIONS_LIMITS])
 {
     size_t n = 0;
-#define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)
 #define OPTION_LIMIT(field, flag, environment, fallback, min, max, help)                           \
     limits[n++] = (struct api_limit){#field, options->field, help};
-#define OPTION_TEXT(field, flag, environment, fallback, help)
-#define OPTION_FLAG(field, flag, environment, help)
 #include "options.def"
-#undef OPTION_NUMBER
-#undef OPTION_LIMIT
-#undef OPTION_TEXT
-#undef OPTION_FLAG
 }
