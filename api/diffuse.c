@@ -6,6 +6,11 @@
 
 #define PI 3.14159265358979323846
 
+bool api_surface_takes_floats(const struct surface *surface)
+{
+    return !surface->has_diffuse && !surface->bsdf;
+}
+
 double api_surface_error(const struct surface *surface)
 {
     /* 1 - kd, a product, kd/pi (three roundings with pi's own) and a sum of positive terms */

@@ -1,5 +1,5 @@
 /*
- * diffuse.h - the diffuse part of a material, on top of what lib evaluates and samples:
+ * diffuse.h - a surface evaluated and sampled: what lib does, and the diffuse part on top of it,
  * f_r = (1 - kd) f_specular + kd/pi (Dupuy eq. 5.4); of a Lambert surface kd/pi alone.
  *
  * A sample is drawn from the cosine with the probability `share` that u1 says, else
@@ -10,7 +10,9 @@
 
 #include "material.h"
 
-/* facet_eval of a surface, diffuse part included: fr, fr_cos, and the pdf of that specular sampler.
+/*
+ * facet_eval of a surface (facet_bsdf_eval with transmission), diffuse part included: fr, fr_cos, and the
+ * pdf of that specular sampler.
  */
 facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_sampler sampler,
                               facet_vec3_in wi, facet_vec3_in wo, size_t n,
@@ -19,6 +21,9 @@ facet_status api_surface_eval(const struct surface *surface, facet_tier tier, fa
 facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
                                 facet_sampler sampler, facet_vec3_in wo, double *u1,
                                 const double *u2, size_t n, const facet_samples *samples);
+
+/* Whether lib's float calls do all of it: no diffuse part, no transmission. */
+bool api_surface_takes_floats(const struct surface *surface);
 
 /* What the diffuse part adds to the bound of an evaluation. */
 double api_surface_error(const struct surface *surface);

@@ -146,11 +146,25 @@ static bool bound_of(const void *asked, facet_tier tier, double *bound)
     return tier == FACET_PRECISE;
 }
 
+/* Seen from behind its mean facet, a narrow surface shows its far tail alone: an albedo near or below the floor. */
+static const char *obstacle(const struct job *job)
+{
+    const facet_roughness *r = &job->surface.facet.roughness;
+    for (size_t i = 0; i < job->count; i++) {
+        double c = job->from[2][i] - job->from[0][i] * r->slope_x - job->from[1][i] * r->slope_y;
+        if (job->from[2][i] > 0 && c < 0)
+            return "some wo see the mean facet from behind, where a narrow surface shows its far tail alone and the "
+                   "quadrature finds too little; more roughness, less mean slope or other wo have one";
+    }
+    return "the quadrature ended with an error as large as the albedo; more roughness, less mean slope, or no "
+           "average, has one";
+}
+
 /* Albedos are looked at: only the digits that the tolerance needs. */
 static bool promise(struct call *call, struct job *job)
 {
     struct tolerance_request request = {job->in->accuracy.tolerance, -1};
-    if (!api_promise(&request, bound_of, job, call->problem, &job->promise)) return false;
+    if (!api_promise(&request, bound_of, job, obstacle(job), call->problem, &job->promise)) return false;
     api_promise_fewer_digits(&request, &job->promise);
     return true;
 }
@@ -198,7 +212,7 @@ static bool prepare(struct call *call, struct job *job)
         return api_problem_at(call->problem, &wo, "%zu directions are outside [1, %d]", job->count,
                               LIMIT_ALBEDO_DIRECTIONS);
     if (!api_material_open(&in->material, &material, &decoder, &job->surface) ||
-        (in->average && !api_transmission_refuse(&in->material, &material, "has no average", call->problem)))
+        (in->average && !api_transmission_refuse(&in->material, &material, "true has no mean albedo: ask for directions, without average", call->problem)))
         return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
     if (!job->channels) return false;
@@ -225,7 +239,7 @@ static bool handle(struct call *call)
     call->response->trace.tier = api_tier_names[FACET_PRECISE];
     if (!compute(call, job) || !promise(call, job) || !print(call, job, out)) return false;
     out->count = (int64_t)job->count;
-    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN};
+    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN, NAN};
     return true;
 }
 

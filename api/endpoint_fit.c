@@ -83,7 +83,7 @@ static bool open_material(struct call *call, struct surface *surface, struct mea
     struct place place = {NULL, "source", 0};
     if (!api_material_open(in->source, &place, &decoder, surface) ||
         !api_lambert_refuse(in->source, &place, "has no microfacets to fit", call->problem) ||
-        !api_transmission_refuse(in->source, &place, "is not fitted", call->problem))
+        !api_transmission_refuse(in->source, &place, "true is not fitted: the models of a fit only reflect", call->problem))
         return false;
     const facet_roughness *r = &surface->facet.roughness;
     if (r->slope_x != 0 || r->slope_y != 0)

@@ -1,6 +1,7 @@
 /* POST /v1/material: one material in every form its roughness can be written. */
 #include "endpoint.h"
 #include "material.h"
+#include "transmission.h"
 
 #include <math.h>
 
@@ -23,6 +24,8 @@ struct material_response {
     struct numbers mean_slope, mean_normal, moments;
     int64_t azimuths;
     bool isotropic, central, coloured, transmission;
+    double eta;
+    const char *transport;
     struct list clamped;
     const char *note;
 };
@@ -77,6 +80,8 @@ static const struct field response_fields[] = {
     {O(coloured), FIELD_BOOL, FIELD_MUST, .doc = "fr, fr_cos and F are [r,g,b]"},
     {O(transmission), FIELD_BOOL, FIELD_DEFAULT,
      .doc = "wi and wo may lie on either side of the surface"},
+    {O(eta), FIELD_NUMBER, .doc = "with transmission: the index below over that above"},
+    {O(transport), FIELD_TEXT, .doc = "with transmission: importance or radiance"},
     {O(clamped), FIELD_LIST, FIELD_MUST, .fields = clamped_fields, .size = sizeof(struct clamped),
      .doc = "members the service changed; what is out of range is refused instead"},
     {O(note), FIELD_TEXT, .doc = "what was made of the base"},
@@ -120,6 +125,11 @@ static bool describe(struct call *call, const struct surface *surface, const str
     out->central = x == 0 && y == 0;
     out->coloured = surface->channels == 3;
     out->transmission = surface->bsdf != NULL;
+    out->eta = NAN;
+    if (out->transmission) {
+        out->eta = surface->facet.fresnel.eta[0];
+        out->transport = api_transport_names[in->transport < 0 ? FACET_IMPORTANCE : in->transport];
+    }
     out->clamped.items = "";
     /* As they came, where they are the material's own. */
     const bool own = in->moments.values && !in->base && !in->jacobian.values && isnan(in->height_scale);

@@ -90,8 +90,9 @@ static void form(struct text *text, const struct endpoint *endpoint)
     for (const struct field *f = endpoint->request; f->type; f++) any |= fits_part(f);
     if (!any) return;
     api_text_put(text, ",\"multipart/form-data\":{\"schema\":{\"type\":\"object\","
-                       "\"description\":\"The JSON without the arrays, and each array as .npy or as "
-                       "raw little-endian numbers of type dtype\",\"required\":[\"request\"],"
+                       "\"description\":\"The JSON without the arrays, and each array as .npy or, where its "
+                       "type here is application/octet-stream, as raw little-endian numbers of type dtype\","
+                       "\"required\":[\"request\"],"
                        "\"properties\":{\"request\":{\"type\":\"object\"}");
     for (const struct field *f = endpoint->request; f->type; f++) {
         if (!fits_part(f)) continue;
@@ -102,7 +103,9 @@ static void form(struct text *text, const struct endpoint *endpoint)
             string_member(text, "description", f->doc);
             api_text_put(text, ",");
         }
-        api_text_put(text, "\"type\":\"string\",\"contentMediaType\":\"application/octet-stream\"}");
+        bool has_rows = f->type == FIELD_MATRIX && f->width != 1; /* which raw numbers do not tell */
+        api_text_print(text, "\"type\":\"string\",\"contentMediaType\":\"application/%s\"}",
+                       has_rows ? "x-npy" : "octet-stream");
     }
     api_text_put(text, "}},\"encoding\":{\"request\":{\"contentType\":\"application/json\"}}}");
 }

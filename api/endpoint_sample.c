@@ -254,7 +254,7 @@ static struct float_samples float_samples_of(struct job *job)
 static bool compute(struct call *call, struct job *job)
 {
     struct float_samples floats = float_samples_of(job);
-    const bool on_floats = !asked(job, SOLID_ANGLE) && !job->surface.bsdf && api_takes_float_samples(&floats, job->representation.format);
+    const bool on_floats = !asked(job, SOLID_ANGLE) && api_takes_float_samples(&floats, job->representation.format);
     const size_t most = on_floats ? SAMPLE_FLOATS_MAX : CHUNK;
     struct api_trace *trace = &call->response->trace;
     facet_samples samples = {{job->wi[0], job->wi[1], job->wi[2]},
@@ -349,7 +349,8 @@ static bool prepare(struct call *call, struct job *job)
     if (!survey_wo(call, job) || !check_views(job, call->problem)) return false;
     if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
-        !api_promise(&in->accuracy, bound_of, job, call->problem, &job->promise))
+        !api_promise(&in->accuracy, bound_of, job, api_bound_obstacle(&job->surface, 1, job->input_error),
+                     call->problem, &job->promise))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);
@@ -388,7 +389,7 @@ static bool handle(struct call *call)
     out->wasted = (int64_t)job->wasted;
     out->accuracy =
         (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR,
-                          asked(job, WI) || asked(job, H) ? 1 : NAN};
+                          asked(job, WI) || asked(job, H) ? 1 : NAN, NAN};
     return answer(call, job);
 }
 

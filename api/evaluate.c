@@ -5,6 +5,7 @@
 #include "limits.h"
 #include "transmission.h"
 
+#include <float.h>
 #include <math.h>
 
 size_t api_channels(int64_t requested, size_t material, struct problem *problem)
@@ -12,7 +13,10 @@ size_t api_channels(int64_t requested, size_t material, struct problem *problem)
     struct place at = {NULL, "channels", 0};
     if (requested < 0) return material;
     if (requested == 3 || (requested == 1 && material == 1)) return (size_t)requested;
-    api_problem_at(problem, &at, requested == 1 ? "the material is coloured" : "must be 1 or 3");
+    if (requested == 1)
+        api_problem_at(problem, &at, "1 is too few: the material is coloured, its results are [r,g,b]");
+    else
+        api_problem_at(problem, &at, "%lld must be 1 or 3", (long long)requested);
     return 0;
 }
 
@@ -20,8 +24,10 @@ bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem)
 {
     struct place at = {NULL, "outputs", 0};
     if (count <= LIMIT_NUMBERS / per_element) return true;
-    return api_problem_at(problem, &at, "%zu x %zu numbers are outside [1, %d]", count, per_element,
-                          LIMIT_NUMBERS);
+    return api_problem_at(problem, &at,
+                          "%zu elements of %zu numbers are more than the %d numbers of one answer: ask for fewer "
+                          "outputs, or for at most %zu elements",
+                          count, per_element, LIMIT_NUMBERS, LIMIT_NUMBERS / per_element);
 }
 
 /*
@@ -30,7 +36,7 @@ bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem)
  */
 static bool are_floats(const struct job *job)
 {
-    return job->evaluation->representation.format == RESULTS_FLOAT32 && !job->surface.has_diffuse && !job->surface.bsdf;
+    return job->evaluation->representation.format == RESULTS_FLOAT32 && api_surface_takes_floats(&job->surface);
 }
 
 static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity quantity, double *bound)
@@ -66,8 +72,26 @@ static bool bound_of(const void *job_, facet_tier tier, double *bound)
 /* Of a material that floats evaluate as it is, directions that floats hold. */
 static bool takes_floats(const struct job *job)
 {
-    return job->evaluation->representation.format != RESULTS_FLOAT64 && !job->surface.has_diffuse && !job->surface.bsdf &&
+    return job->evaluation->representation.format != RESULTS_FLOAT64 && api_surface_takes_floats(&job->surface) &&
            api_pairs_are_floats(&job->pairs);
+}
+
+const char *api_bound_obstacle(const struct surface *surface, double condition, double input_error)
+{
+    const facet_roughness *r = &surface->facet.roughness;
+    if (condition > 1 / DBL_EPSILON)
+        return "shear \"thesis\" divides by what cancels or underflows at these directions; \"energy_safe\" does "
+               "not";
+    if (surface->parameter_error >= 1)
+        return "the slopes' covariance is so close to singular that rounding leaves nothing of it; alpha_1, "
+               "alpha_2 and phi, or a rougher base, keep it";
+    if (input_error > 0)
+        return "these directions were computed, and their rounding is too much for this surface; send them as "
+               "vectors";
+    if (r->slope_x != 0 || r->slope_y != 0)
+        return "the mean slope is so many times the roughness that its rounding hides the surface; less mean "
+               "slope or more roughness has one";
+    return "a Fresnel term this steep magnifies every rounding";
 }
 
 static void join_round(struct job *job)
@@ -150,6 +174,14 @@ bool api_answer_evaluation(struct call *call, const struct evaluation *evaluatio
                              evaluation->array_count);
 }
 
+/* G and G1 divide by a sigma that may underflow where the mean slope turns the surface away. */
+static double ceiling_of(const struct job *job)
+{
+    const facet_roughness *r = &job->surface.facet.roughness;
+    const bool divides = api_is_asked(job, FACET_G) || api_is_asked(job, FACET_G1_I) || api_is_asked(job, FACET_G1_O);
+    return divides && (r->slope_x != 0 || r->slope_y != 0) ? DBL_MAX : NAN;
+}
+
 bool api_evaluate(struct call *call, struct evaluation *evaluation)
 {
     struct decoder decoder = {call->arena, call->problem};
@@ -172,7 +204,9 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         !api_survey_pairs(call, job))
         return false;
     job->takes_floats = takes_floats(job);
-    if (!api_promise(evaluation->accuracy, bound_of, job, call->problem, &job->promise))
+    if (!api_promise(evaluation->accuracy, bound_of, job,
+                     api_bound_obstacle(&job->surface, job->condition, job->input_error), call->problem,
+                     &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
     api_represent_bound(&evaluation->representation, evaluation->accuracy, &job->promise);
@@ -188,6 +222,6 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     }
     evaluation->count = job->pairs.pairing.count;
     evaluation->answer =
-        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN};
+        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN, ceiling_of(job)};
     return true;
 }

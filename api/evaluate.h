@@ -52,6 +52,9 @@ bool api_answer_evaluation(struct call *call, const struct evaluation *evaluatio
  * impossible. */
 size_t api_channels(int64_t requested, size_t material, struct problem *problem);
 /* 422 at /outputs where an answer would hold too many numbers. */
+/* Why lib may promise nothing for a surface in any tier, and what helps. */
+const char *api_bound_obstacle(const struct surface *surface, double condition, double input_error);
+
 bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem);
 
 #endif

@@ -1,8 +1,6 @@
 /* evaluate_round.c - chunks of an evaluation shared among threads, and what all pairs have in common. */
 #include "evaluate_job.h"
 
-#include "diffuse.h"
-
 #include <math.h>
 #include <stdint.h>
 

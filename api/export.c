@@ -171,7 +171,7 @@ static void write_gltf(struct job *job)
                        metal ? "" : ",", strength, -e.phi);
     if (!metal || strength > 0) api_text_put(t, "\n  }");
     api_text_put(t, "\n}\n");
-    api_text_put(&job->lost, "; glTF knows no rho and no table: rho became a rotation");
+    if (is_turned(job)) api_text_put(&job->lost, "; glTF knows no rho: it became a rotation");
 }
 
 /* ---- MaterialX 1.38 ----------------------------------------------------------------------------------------- */

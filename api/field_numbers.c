@@ -304,7 +304,11 @@ static bool decode_matrix(const json_t *json, const struct field *field, struct 
     if (!length_of(&array))
         return api_problem_at(decoder->problem, place, "has 0 rows, must have at least 1");
     bool is_column = !array.nested && field->width == 1;
-    if ((!array.nested && !is_column) || (array.nested && !array.columns))
+    if (!array.nested && !is_column)
+        return api_problem_at(decoder->problem, &first,
+                              "must be an array of at least 1 number (in a form: .npy of two dimensions, as raw "
+                              "numbers have no rows)");
+    if (array.nested && !array.columns)
         return api_problem_at(decoder->problem, &first, "must be an array of at least 1 number");
     if (is_column && !api_check_count(array.count, field, place, decoder)) return false;
     const double *values = doubles_of(&array, field, place, decoder);

@@ -225,17 +225,36 @@ static bool check_form(const struct material *m, const struct place *place, stru
     return true;
 }
 
+/* One roughness, by its first member that is there; a table is one by itself. */
+static bool check_one_form(const struct material *m, const struct place *place, struct decoder *decoder)
+{
+    const struct {
+        bool is_given;
+        const char *name;
+    } members[] = {
+        {given(m->alpha), "alpha"},     {given(m->alpha_x), "alpha_x"}, {given(m->alpha_y), "alpha_y"},
+        {given(m->rho), "rho"},         {given(m->alpha_1), "alpha_1"}, {given(m->alpha_2), "alpha_2"},
+        {given(m->phi), "phi"},         {m->moments.values, "moments"},
+    };
+    static const int form[] = {0, 1, 1, 1, 2, 2, 2, 3};
+    static const char forms[] = "alpha, or alpha_x and alpha_y, or alpha_1 and alpha_2, or moments";
+    int first = -1;
+    for (int i = 0; i < (int)(sizeof members / sizeof *members); i++) {
+        if (!members[i].is_given) continue;
+        if (first < 0) first = i;
+        if (form[i] != form[first])
+            return api_problem_at(decoder->problem, place, "must have exactly one roughness, not %s beside %s: %s",
+                                  members[i].name, members[first].name, forms);
+    }
+    return first >= 0 || m->ndf == FACET_TABULATED ||
+           api_problem_at(decoder->problem, place, "must have exactly one roughness: %s", forms);
+}
+
 bool api_roughness_check(const struct material *m, const struct place *place,
                          struct decoder *decoder)
 {
     struct place moments = {place, "moments", 0};
-    if (!check_form(m, place, decoder)) return false;
-    int forms =
-        given(m->alpha) + given(m->alpha_x) + given(m->alpha_1) + (m->moments.values != NULL);
-    if (forms > 1 || (!forms && m->ndf != FACET_TABULATED))
-        return api_problem_at(decoder->problem, place,
-                              "must have exactly one roughness: alpha, or alpha_x and alpha_y, "
-                              "or alpha_1 and alpha_2, or moments");
+    if (!check_one_form(m, place, decoder) || !check_form(m, place, decoder)) return false;
     if (!m->moments.values) return true;
     if (m->ndf != FACET_BECKMANN)
         return api_problem_at(decoder->problem, &moments, "need ndf \"beckmann\"");
@@ -381,6 +400,13 @@ static void destroy_brdf(void *brdf)
     facet_brdf_destroy(brdf);
 }
 
+static double largest(const struct matrix *m)
+{
+    double most = -INFINITY;
+    for (size_t i = 0; i < m->rows * m->columns; i++) most = fmax(most, m->values[i]);
+    return most;
+}
+
 static bool open_slopes(const struct slopes *slopes, const struct place *place,
                         struct decoder *decoder, facet_material *material)
 {
@@ -389,6 +415,11 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
     const struct matrix *m = &slopes->log_D;
     facet_status status = m->columns > 1 ? facet_slope_table_create_turned(slopes->scale, m->values, m->columns, m->rows, &table)
                                          : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
+    if (status == FACET_BAD_TABLE) /* each number has been checked, what is left is their integral */
+        return api_problem_at(decoder->problem, &at,
+                              "log_D describes no surface: D is 0 at all slopes (-700 and below count as 0), or too large to "
+                              "be normalised; the largest log_D is %.6g, and a constant added to all changes nothing",
+                              largest(m));
     if (status) return api_problem_status(decoder->problem, status, &at);
     material->table = table;
     return api_arena_defer(decoder->arena, destroy_table, table) ||

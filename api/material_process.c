@@ -15,8 +15,11 @@
 #define M(member) MEMBER(struct material, member)
 #define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
 
+/* The first of api_ndf_names: no other has a Beckmann roughness near it. */
+static const char *const base_ndf_names[] = {"ggx", "beckmann", NULL};
+
 const struct field api_base_fields[] = {
-    {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names, .initial = FACET_BECKMANN,
+    {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = base_ndf_names, .initial = FACET_BECKMANN,
      .doc =
          "beckmann, or ggx, which enters by the Beckmann roughness nearest to it, 1.113287 times "
          "as rough"},
@@ -34,13 +37,10 @@ const struct field api_base_fields[] = {
     {0},
 };
 
+/* Its table refuses other distributions. */
 bool api_base_check(void *object, const struct place *place, struct decoder *decoder)
 {
-    const struct material *base = object;
-    const struct place ndf = {place, "ndf", 0};
-    if (base->ndf != FACET_BECKMANN && base->ndf != FACET_GGX)
-        return api_problem_at(decoder->problem, &ndf, "of a base must be \"beckmann\" or \"ggx\"");
-    return api_roughness_check(base, place, decoder);
+    return api_roughness_check(object, place, decoder);
 }
 
 bool api_process_check(const struct material *m, const struct place *place, struct decoder *decoder)

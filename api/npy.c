@@ -41,6 +41,15 @@ static int dimensions(const char *p, size_t out[2])
     }
 }
 
+/* What a value of the header is, for a message: up to the mark that ends it, which belongs to it. */
+static int extent_of(const char *value, char end)
+{
+    enum { SHOWN = 60 };
+    const char *last = value ? strchr(value + (*value == end), end) : NULL;
+    size_t n = !value ? 0 : last ? (size_t)(last - value) + 1 : strlen(value);
+    return n < SHOWN ? (int)n : SHOWN;
+}
+
 /* The text of the header, NUL-terminated, and where the numbers begin; 0: malformed. */
 static size_t header_of(const unsigned char *bytes, size_t size, char out[HEADER_MAX + 1])
 {
@@ -79,16 +88,19 @@ bool api_npy_read(const void *bytes, size_t size, const struct place *place, str
     if (!descr || !order) return api_problem_at(problem, place, "is no .npy file of version 1 to 3");
     bool is_float = !strncmp(descr, "'<f4'", 5);
     if (!is_float && strncmp(descr, "'<f8'", 5))
-        return api_problem_at(problem, place, "has the dtype %.*s, must have '<f4' or '<f8'",
-                              (int)strspn(descr, "'<>|=abcdefghijklmnopqrstuvwxyz0123456789"),
-                              descr);
-    int rank = dimensions(value_of(header, "'shape'"), shape);
+        return api_problem_at(problem, place,
+                              "has the dtype %.*s, must have '<f4' or '<f8', little-endian float32 or "
+                              "float64: .astype('<f4') makes it that",
+                              extent_of(descr, *descr == '[' ? ']' : '\''), descr);
+    const char *sides = value_of(header, "'shape'");
+    int rank = dimensions(sides, shape);
     if (rank != 1 && rank != 2)
-        return api_problem_at(problem, place, "must have 1 or 2 dimensions");
+        return api_problem_at(problem, place, "has the shape %.*s, must have 1 or 2 dimensions, (n,) or (n, m)",
+                              extent_of(sides, ')'), sides ? sides : "");
     size_t item = is_float ? sizeof(float) : sizeof(double), room = (size - start) / item;
     if ((shape[1] && shape[0] > room / shape[1]) || shape[0] * shape[1] * item != size - start)
-        return api_problem_at(problem, place, "holds %zu bytes, not those of %zu x %zu numbers",
-                              size - start, shape[0], shape[1]);
+        return api_problem_at(problem, place, "holds %zu bytes behind its header, not those of %zu x %zu numbers of %zu bytes",
+                              size - start, shape[0], shape[1], item);
     *array = (struct number_array){.type = is_float ? ARRAY_FLOAT : ARRAY_DOUBLE,
                                    .data = (const char *)bytes + start,
                                    .count = shape[0] * shape[1],

@@ -1,5 +1,7 @@
 #include "sample_floats.h"
 
+#include "diffuse.h"
+
 #include <string.h>
 
 struct columns {
@@ -9,7 +11,7 @@ struct columns {
 
 bool api_takes_float_samples(const struct float_samples *job, enum results_format format)
 {
-    return format == RESULTS_FLOAT32 && job->tier != FACET_PRECISE && !job->surface->has_diffuse && job->u->floats &&
+    return format == RESULTS_FLOAT32 && job->tier != FACET_PRECISE && api_surface_takes_floats(job->surface) && job->u->floats &&
            !job->pairing->outer && api_plan_is_float(job->wo);
 }
 

@@ -18,6 +18,9 @@ const struct field api_accuracy_fields[] = {
     {MEMBER(struct accuracy, floor), FIELD_NUMBER, FIELD_MUST, .min = 0, .max = 1},
     {MEMBER(struct accuracy, direction_floor), FIELD_NUMBER, .min = 0, .max = 1,
      .doc = "the floor that holds for the components of directions (wi, h) in this answer"},
+    {MEMBER(struct accuracy, ceiling), FIELD_NUMBER,
+     .doc = "an exact x above it, the largest double, is answered as it: G and G1 of a surface with a mean slope, "
+            "seen from so far behind that next to nothing of it is left"},
     {0},
 };
 
@@ -74,7 +77,7 @@ void api_promise_fewer_digits(const struct tolerance_request *request, struct pr
 }
 
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
-                 struct problem *problem, struct promise *promise)
+                 const char *obstacle, struct problem *problem, struct promise *promise)
 {
     bool forced = request->tier >= 0;
     double tolerance = tolerance_of(request);
@@ -98,5 +101,5 @@ bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, co
                               "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
                               "that does is taken (/v1/capabilities: where each holds)",
                               api_tier_names[request->tier]);
-    return api_problem_at(problem, &at, "no bound can be promised for this request");
+    return api_problem_at(problem, &at, "no bound can be promised for this request: %s", obstacle);
 }

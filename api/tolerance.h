@@ -37,6 +37,7 @@ struct accuracy {
     const char *tier;
     double bound, floor;
     double direction_floor; /* of wi and h; NAN where the answer holds none */
+    double ceiling;         /* NAN where nothing comes near */
 };
 extern const struct field api_accuracy_fields[];
 #define ACCURACY_FIELD(type_)                                                                      \
@@ -57,9 +58,12 @@ struct promise {
 /* The bound a tier promises for all that is asked; false: none. */
 typedef bool bound_fn(const void *asked, facet_tier tier, double *bound);
 
-/* The cheapest tier that meets the request, or a 422 that names the best bound there is. */
+/*
+ * The cheapest tier that meets the request, or a 422 that names the best bound there is; where there is
+ * none, `obstacle`: why, and what helps.
+ */
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
-                 struct problem *problem, struct promise *promise);
+                 const char *obstacle, struct problem *problem, struct promise *promise);
 
 /*
  * Only the digits that the tolerance needs, where it leaves room: for numbers

@@ -1,4 +1,4 @@
-/* transmission.h - what evaluation, sampling and bounds of a BSDF share (internal). */
+/* transmission.h - what evaluation, sampling, albedo and bounds of a BSDF share (internal). */
 #ifndef FACET_TRANSMISSION_INTERNAL_H
 #define FACET_TRANSMISSION_INTERNAL_H
 

@@ -18,16 +18,11 @@ struct row {
 static const struct row rows[] = {
 #define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)                          \
     {flag, environment, help, offsetof(struct options, field), NULL, fallback, min, max, false},
-#define OPTION_LIMIT OPTION_NUMBER
 #define OPTION_TEXT(field, flag, environment, fallback, help)                                      \
     {flag, environment, help, offsetof(struct options, field), fallback, 0, 0, 0, false},
 #define OPTION_FLAG(field, flag, environment, help)                                                \
     {flag, environment, help, offsetof(struct options, field), NULL, 0, 0, 1, true},
 #include "options.def"
-#undef OPTION_LIMIT
-#undef OPTION_NUMBER
-#undef OPTION_TEXT
-#undef OPTION_FLAG
 };
 
 enum { ROW_COUNT = sizeof rows / sizeof *rows };
@@ -52,7 +47,7 @@ static void set_defaults(struct options *options)
     }
 }
 
-/* `where` names the flag or the variable in the message. */
+/* `where` names the flag or the variable in the message, up to a '='. */
 static bool set(struct options *options, const struct row *row, const char *where,
                 const char *value)
 {
@@ -64,8 +59,13 @@ static bool set(struct options *options, const struct row *row, const char *wher
     errno = 0;
     long number = strtol(value, &end, 10);
     if (errno || end == value || *end || number < row->min || number > row->max) {
-        fprintf(stderr, "facetd: %s takes a whole number from %ld to %ld, not \"%s\"\n", where,
-                row->min, row->max, value);
+        int name = (int)strcspn(where, "=");
+        if (row->is_flag)
+            fprintf(stderr, "facetd: %.*s takes %s1 or 0, not \"%s\"\n", name, where,
+                    *where == '-' ? "no value, or " : "", value);
+        else
+            fprintf(stderr, "facetd: %.*s takes a whole number from %ld to %ld, not \"%s\"\n", name,
+                    where, row->min, row->max, value);
         return false;
     }
     set_number(options, row, number);
@@ -168,14 +168,7 @@ enum options_action options_read(int argc, char **argv, struct options *options)
 void options_limits(const struct options *options, struct api_limit limits[OPTIONS_LIMITS])
 {
     size_t n = 0;
-#define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)
 #define OPTION_LIMIT(field, flag, environment, fallback, min, max, help)                           \
     limits[n++] = (struct api_limit){#field, options->field, help};
-#define OPTION_TEXT(field, flag, environment, fallback, help)
-#define OPTION_FLAG(field, flag, environment, help)
 #include "options.def"
-#undef OPTION_NUMBER
-#undef OPTION_LIMIT
-#undef OPTION_TEXT
-#undef OPTION_FLAG
 }

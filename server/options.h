@@ -6,14 +6,9 @@
 
 struct options {
 #define OPTION_NUMBER(field, flag, environment, fallback, min, max, help) long field;
-#define OPTION_LIMIT OPTION_NUMBER
 #define OPTION_TEXT(field, flag, environment, fallback, help) const char *field;
 #define OPTION_FLAG(field, flag, environment, help) long field;
 #include "options.def"
-#undef OPTION_LIMIT
-#undef OPTION_NUMBER
-#undef OPTION_TEXT
-#undef OPTION_FLAG
 };
 
 enum options_action {
@@ -30,15 +25,8 @@ enum options_action options_read(int argc, char **argv, struct options *options)
 /* The limits among them, for api_announce_limits. */
 enum {
     OPTIONS_LIMITS = 0
-#define OPTION_NUMBER(field, flag, environment, fallback, min, max, help)
 #define OPTION_LIMIT(field, flag, environment, fallback, min, max, help) +1
-#define OPTION_TEXT(field, flag, environment, fallback, help)
-#define OPTION_FLAG(field, flag, environment, help)
 #include "options.def"
-#undef OPTION_NUMBER
-#undef OPTION_LIMIT
-#undef OPTION_TEXT
-#undef OPTION_FLAG
 };
 void options_limits(const struct options *options, struct api_limit limits[OPTIONS_LIMITS]);
 

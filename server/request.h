@@ -34,7 +34,7 @@ extern const struct api_limit request_limits[REQUEST_LIMITS];
 
 struct request {
     struct pool_job job; /* first: the pool hands it back */
-    struct pool *crew;   /* whose idle workers may help; NULL on the network thread */
+    struct pool *crew;   /* whose idle workers may help; NULL where the network thread answers */
     char method[16];
     char id[REQUEST_ID_MAX + 1];
     char trace[REQUEST_TRACE_SIZE]; /* the client's traceparent; empty if none or malformed */

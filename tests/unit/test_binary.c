@@ -329,12 +329,13 @@ TEST(bad_parts_are_refused)
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }", 24, 200, "\"count\":2");
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (6,), }", 24, 200, "\"count\":2");
     check_npy("{'descr': '<f4', 'fortran_order': True, 'shape': (1, 3), }", 12, 200, "\"count\":1");
-    check_npy("{'descr': '<i4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422, "must have '<f4'");
+    check_npy("{'descr': '<i4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422, "has the dtype '<i4', must have '<f4'");
+    check_npy("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (6,), }", 24, 422, "has the dtype [('a', '<f4')], must have '<f4'");
     check_npy("{'descr': '>f4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422, "must have '<f4'");
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }", 32, 422, "has 4 elements");
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }", 20, 422, "holds 20 bytes");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1, 3), }", 24, 422, "dimensions");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4, 422, "dimensions");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1, 3), }", 24, 422, "has the shape (2, 1, 3), must have 1 or 2 dimensions");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4, 422, "has the shape (), must have 1 or 2 dimensions");
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }", 24, 422, "holds");
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (0, 3), }", 0, 422, "has 0 elements");
     check_npy("{'descr': '<f4', 'shape': (2, 3), }", 24, 422, "is no .npy file");

@@ -17,7 +17,7 @@ static struct promise promise_of(double fast, double precise, double tolerance, 
     const struct tolerance_request request = {tolerance, tier};
     struct problem problem = {0};
     struct promise promise = {.digits = -1};
-    api_promise(&request, bounds, asked, &problem, &promise);
+    api_promise(&request, bounds, asked, "it is a test", &problem, &promise);
     *status = problem.status;
     return promise;
 }
