@@ -89,7 +89,7 @@ static bool open_material(struct call *call, struct surface *surface, struct mea
     if (r->slope_x != 0 || r->slope_y != 0)
         return api_problem_at(call->problem, &place,
                               "must have no mean slope: sheared surfaces are not fitted yet");
-    bool anisotropic = r->alpha_x != r->alpha_y || r->rho != 0;
+    bool anisotropic = r->alpha_x != r->alpha_y || r->rho != 0 || api_material_is_turned(in->source);
     *m = (struct measurement){.format = -1};
     m->source = (facet_fit_source){evaluate_surface, surface, INFINITY, anisotropic, NULL};
     return true;

@@ -159,6 +159,8 @@ const struct endpoint api_endpoint_material = {
     .request_size = sizeof(struct material_request),
     .response = response_fields,
     .response_size = sizeof(struct material_response),
+    .is_long = true, /* slopes over the azimuth take 50 ms and more */
+    .grows_by_words = true,
     .example = "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":0.2,\"alpha_y\":0.4,\"rho\":0.5}}",
     .handle = handle,
 };

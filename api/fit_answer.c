@@ -51,7 +51,8 @@ static const struct field candidate_fields[] = {
     {C(f0), FIELD_NUMBERS, .doc = "of a Schlick term: one or three"},
     {C(kd), FIELD_NUMBERS, .doc = "diffuse part: one or three"},
     {C(nodes), FIELD_INTEGER, .doc = "of its Fresnel table"},
-    {C(slopes), FIELD_INTEGER, .doc = "nodes of its slope table"},
+    {C(slopes), FIELD_INTEGER, .doc = "nodes of its slope table, or of each row of it"},
+    {C(azimuths), FIELD_INTEGER, .doc = "rows of its slope table, if it is one over the azimuth"},
     {C(bytes), FIELD_INTEGER, FIELD_MUST, .doc = "size of its numbers as float64"},
     {C(error), FIELD_OBJECT, FIELD_MUST, .fields = error_fields, .doc = "against the source"},
     {C(ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
@@ -156,12 +157,12 @@ static bool describe_fresnel(struct call *call, const facet_fresnel *from, struc
 static bool describe_slopes(struct call *call, const facet_fit *fit,
                             const facet_fit_candidate *from, struct material *to)
 {
-    size_t n = from->log_d_nodes;
+    const size_t rows = from->log_d_rows, n = rows * from->log_d_nodes;
     double *copy = api_arena_doubles(call->arena, n);
     to->slopes = api_arena_array(call->arena, 1, sizeof *to->slopes);
     if (!copy || !to->slopes) return api_problem_memory(call->problem);
     memcpy(copy, from->log_d, n * sizeof *copy);
-    *to->slopes = (struct slopes){fit->table_scale, {n, 1, copy}};
+    *to->slopes = (struct slopes){fit->table_scale, rows > 1 ? (struct matrix){rows, from->log_d_nodes, copy} : (struct matrix){n, 1, copy}};
     return true;
 }
 
@@ -245,6 +246,7 @@ static bool describe_candidate(struct call *call, const facet_fit_candidate *fro
     }
     if (is_table(m)) to->nodes = (int64_t)m->fresnel.count;
     if (m->ndf == FACET_TABULATED) to->slopes = (int64_t)from->log_d_nodes;
+    if (from->log_d_rows > 1) to->azimuths = (int64_t)from->log_d_rows;
     if (!is_table(m) && !copy_numbers(call, m->fresnel.f0, channels, &to->f0)) return false;
     if (from->has_diffuse && !copy_numbers(call, from->diffuse, channels, &to->kd)) return false;
     return describe_error(call, &from->error, &to->error) && measure(call, m, &to->ns_per_eval);

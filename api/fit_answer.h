@@ -24,7 +24,7 @@ struct fit_candidate {
     bool diffuse, anisotropic;
     double alpha, alpha_x, alpha_y, rho;
     struct numbers f0, kd;
-    int64_t nodes, slopes; /* -1: no such table */
+    int64_t nodes, slopes, azimuths; /* -1: no such table */
     int64_t bytes;
     struct fit_error error;
     double ns_per_eval;

@@ -51,7 +51,7 @@ struct albedo {
     struct integrate_panel *radius, *angle, *theta, *azimuth;
     /* Of the direction at hand: */
     struct albedo_view view;
-    bool half, behind;
+    bool half, behind, turned; /* turned: the standard slopes are not radial */
     double condition, absolute[3], relative;
     /* Of the ray at hand: */
     struct albedo_ray ray;
@@ -64,7 +64,7 @@ struct albedo {
 
 struct batch {
     double ix[POINTS], iy[POINTS], iz[POINTS], ox[POINTS], oy[POINTS], oz[POINTS];
-    double px[POINTS], py[POINTS], pz[POINTS];
+    double px[POINTS], py[POINTS], pz[POINTS], r[POINTS];
     double fr_cos[3][POINTS], d[POINTS], p[POINTS], factor[POINTS];
 };
 
@@ -113,8 +113,9 @@ static void place(const struct albedo *a, double t, struct batch *k, int i)
     k->ox[i] = a->view.x;
     k->oy[i] = a->view.y;
     k->oz[i] = a->view.z;
-    k->px[i] = -0.5 * r;
-    k->py[i] = 0;
+    k->r[i] = r;
+    k->px[i] = -0.5 * r * (a->turned ? ray->cosine : 1);
+    k->py[i] = -0.5 * r * (a->turned ? ray->sine : 0);
     k->pz[i] = 0.5;
     k->factor[i] = 4 * q * r * a->scale / ((1 - u) * (1 - u)) * du_dt;
     if (a->behind) k->factor[i] *= a->det / (n * n);
@@ -128,7 +129,7 @@ static facet_status along_radius(void *user, const double at[POINTS], struct int
     facet_status status = evaluate(a, &k);
     if (status) return status;
     for (int i = 0; i < POINTS; i++) {
-        double r = -2 * k.px[i], n = 1 + r * r, p = k.p[i] / (n * n);
+        double r = k.r[i], n = 1 + r * r, p = k.p[i] / (n * n);
         double share = a->behind ? 1 : k.d[i] > 0 ? p / k.d[i] : 0;
         for (size_t c = 0; c < a->channels; c++) {
             double value = k.fr_cos[c][i] * (share * k.factor[i]);
@@ -364,9 +365,9 @@ static facet_status integrate_mean(struct albedo *a, double tolerance, const dou
     if (a->half) return over_theta(a, sum);
     /*
      * The axes of a central surface are its mirrors, and the mean slope that of an isotropic one; a lean
-     * ends across the mean slope.
+     * ends across the mean slope; a table over the azimuth is the same on both sides.
      */
-    size_t quarters = is_central(r) ? 1 : r->alpha_x == r->alpha_y && r->rho == 0 ? 2 : 4;
+    size_t quarters = a->turned ? 2 : is_central(r) ? 1 : r->alpha_x == r->alpha_y && r->rho == 0 ? 2 : 4;
     double turn = (double)quarters * PI / 2, breaks[5];
     double axis = is_central(r) ? -facet_roughness_to_ellipse(r).phi : atan2(r->slope_y, r->slope_x);
     for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * PI / 2;
@@ -432,7 +433,8 @@ static facet_status set_up(struct albedo *a, const facet_material *m, const face
     a->scale = m->ndf == FACET_TABULATED ? m->table->view.slope_scale : 1;
     a->channels = m->fresnel.channels;
     a->watch = options->watch;
-    a->half = is_central(r) && r->alpha_x == r->alpha_y && r->rho == 0;
+    a->turned = m->ndf == FACET_TABULATED && facet_slope_table_is_turned(&m->table->view);
+    a->half = is_central(r) && r->alpha_x == r->alpha_y && r->rho == 0 && !a->turned;
     find_kinks(a);
     return allocate(a) ? FACET_OK : FACET_NO_MEMORY;
 }

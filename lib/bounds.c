@@ -197,9 +197,11 @@ static bool float_domain(const facet_brdf *b, facet_quantity quantity)
  */
 static double table_error(const facet_brdf *b, facet_quantity quantity)
 {
-    if (b->material.ndf != FACET_TABULATED || quantity == FACET_D) return 0;
+    if (b->material.ndf != FACET_TABULATED) return 0;
     const facet_slope_table *table = b->material.table;
-    if (is_turned(b)) return 6 * table->sigma_error;
+    if (is_turned(b)) /* rounding of u and the azimuth, where it is steep */
+        return 16 * DOUBLE_ROUNDING * table->turned_gain + (quantity == FACET_D ? 0 : 6 * table->sigma_error);
+    if (quantity == FACET_D) return 0;
     bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
     return fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
 }

@@ -84,9 +84,10 @@ typedef struct facet_fit_candidate {
     facet_material material;
     bool anisotropic, has_diffuse;
     double diffuse[3]; /* kd: f_r = (1 - kd) f_specular + kd/pi */
-    /* TABULATED: what facet_slope_table_create took with facet_fit.table_scale */
+    /* TABULATED: what facet_slope_table_create took with facet_fit.table_scale, or with rows
+       facet_slope_table_create_turned */
     const double *log_d;
-    size_t log_d_nodes;
+    size_t log_d_nodes, log_d_rows; /* of each row; 1: no rows */
     size_t bytes;      /* of the numbers that describe it, as float64 */
     facet_fit_error error;
 } facet_fit_candidate;
@@ -117,10 +118,10 @@ typedef struct facet_fit_options {
 
 /*
  * GGX and Beckmann with Schlick and with a Fresnel table, tabulated with a table, each
- * without and with a diffuse part; where it is anisotropic, the first two also isotropic;
- * those with tables also compact.
+ * without and with a diffuse part; where it is anisotropic, the first two also isotropic, and the third
+ * also over the azimuth, at FACET_FIT_ROWS rows; those with tables also compact, which halves the rows.
  */
-enum { FACET_FIT_CANDIDATES_MAX = 28, FACET_FIT_COMPACT = 24 };
+enum { FACET_FIT_CANDIDATES_MAX = 28, FACET_FIT_COMPACT = 24, FACET_FIT_ROWS = 24 };
 
 typedef struct facet_fit {
     size_t count; /* by growing size */

@@ -256,6 +256,9 @@ void facet_fit_clear(facet_fit *fit)
             facet_slope_table_destroy(owned->table[k]);
             facet_slope_table_destroy(owned->compact_table[k]);
         }
+        facet_slope_table_destroy(owned->turned_table);
+        facet_slope_table_destroy(owned->compact_turned);
+        free(owned->turned_log_d);
     }
     free(owned);
     *fit = (facet_fit){0};

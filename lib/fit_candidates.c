@@ -47,7 +47,7 @@ static size_t numbers_of(const facet_fit_candidate *candidate)
     size_t channels = m->fresnel.channels, numbers = channels;
     if (m->fresnel.kind == FACET_FRESNEL_TABLE) numbers = m->fresnel.count * (1 + channels);
     if (candidate->has_diffuse) numbers += channels;
-    if (m->ndf == FACET_TABULATED) numbers += candidate->log_d_nodes + 1; /* and its scale */
+    if (m->ndf == FACET_TABULATED) numbers += candidate->log_d_rows * candidate->log_d_nodes + 1; /* and its scale */
     if (m->ndf != FACET_TABULATED || candidate->anisotropic)
         numbers += candidate->anisotropic ? 3 : 1;
     return numbers;
@@ -103,20 +103,52 @@ static bool thin_slopes(struct fit_work *work, facet_fit_candidate *candidate)
     return work->status == FACET_OK;
 }
 
+/* The same of rows, half as many. */
+static bool thin_rows(struct fit_work *work, facet_fit_candidate *candidate)
+{
+    enum { ROWS = FACET_FIT_ROWS / 2 };
+    struct fit_owned *owned = work->owned;
+    double scale = work->fit->table_scale;
+    if (work->nodes <= FACET_FIT_COMPACT + 1) return false;
+    for (size_t j = 0; j < ROWS; j++) {
+        double *row = owned->compact_turned_log_d[j];
+        for (size_t i = 0; i <= FACET_FIT_COMPACT; i++) {
+            double u = (double)i / FACET_FIT_COMPACT, r = fmin(scale * u / (1 - u), 1e12);
+            row[i] = i == FACET_FIT_COMPACT
+                         ? candidate->log_d[(2 * j + 1) * candidate->log_d_nodes - 1]
+                         : fmax(facet_slope_table_log_d_along(owned->turned_table, r, (double)j / ROWS), LOG_D_LEAST);
+        }
+        row[0] = owned->compact_turned_log_d[0][0];
+    }
+    const double *log_d = owned->compact_turned_log_d[0];
+    work->status = facet_slope_table_create_turned(scale, log_d, FACET_FIT_COMPACT + 1, ROWS, &owned->compact_turned);
+    if (work->status == FACET_BAD_TABLE) {
+        work->status = FACET_OK;
+        return false;
+    }
+    candidate->log_d = log_d;
+    candidate->log_d_nodes = FACET_FIT_COMPACT + 1;
+    candidate->log_d_rows = ROWS;
+    candidate->material.table = owned->compact_turned;
+    return work->status == FACET_OK;
+}
+
 /* The same candidate with fewer nodes in its tables. */
 static void add_compact(struct fit_work *work, const facet_fit_candidate *full, size_t which)
 {
     facet_fit_candidate *candidate = &work->fit->candidate[work->fit->count];
     *candidate = *full;
     thin_fresnel(work, which, &candidate->material.fresnel);
-    if (full->material.ndf == FACET_TABULATED && !thin_slopes(work, candidate)) return;
+    bool has_slopes = full->material.ndf == FACET_TABULATED;
+    if (has_slopes && !(full->log_d_rows > 1 ? thin_rows : thin_slopes)(work, candidate)) return;
     finish_candidate(work, candidate);
 }
 
 static void add_candidate(struct fit_work *work, const struct fit_model *model)
 {
     facet_fit_candidate *candidate = &work->fit->candidate[work->fit->count];
-    size_t which = 4 * (size_t)model->ndf + 2 * model->anisotropic + model->has_diffuse;
+    /* Over the azimuth: the place of the isotropic table, which an anisotropic source does not have. */
+    size_t which = 4 * (size_t)model->ndf + 2 * (model->anisotropic && !model->is_turned) + model->has_diffuse;
     candidate->material = facet_fit_model_material(model);
     candidate->has_diffuse = model->has_diffuse;
     candidate->anisotropic = model->anisotropic;
@@ -131,8 +163,9 @@ static void add_candidate(struct fit_work *work, const struct fit_model *model)
     for (size_t c = 0; c < 3; c++)
         candidate->diffuse[c] = model->has_diffuse ? model->kd[c < work->pairs.channels ? c : 0] : 0;
     if (model->ndf == FACET_TABULATED) {
-        candidate->log_d = work->owned->log_d + model->has_diffuse * work->nodes;
+        candidate->log_d = model->is_turned ? work->owned->turned_log_d : work->owned->log_d + model->has_diffuse * work->nodes;
         candidate->log_d_nodes = work->nodes;
+        candidate->log_d_rows = model->is_turned ? FACET_FIT_ROWS : 1;
     }
     finish_candidate(work, candidate);
     if (work->status == FACET_OK && model->has_table && work->options->compact)
@@ -283,12 +316,13 @@ static void add_parametric(struct fit_work *work, facet_ndf ndf, bool anisotropi
     if (!facet_fit_cancelled(work) && !schlick_alone) add_with_table(work, &model);
 }
 
-static void add_tabulated(struct fit_work *work, bool diffuse)
+static void add_tabulated(struct fit_work *work, bool diffuse, bool turned)
 {
     facet_fit *fit = work->fit;
     struct fit_model model = {.ndf = FACET_TABULATED,
                               .masking = work->options->masking,
-                              .table = work->owned->table[diffuse],
+                              .table = turned ? work->owned->turned_table : work->owned->table[diffuse],
+                              .is_turned = turned,
                               .anisotropic = work->anisotropic,
                               .fixed_shape = true,
                               .has_diffuse = diffuse,
@@ -332,9 +366,12 @@ void facet_fit_candidates(struct fit_work *work)
     }
     if (facet_fit_cancelled(work) || !tabulated) return;
     if (work->anisotropic) facet_fit_tabulate_turned(work);
-    if (!facet_fit_cancelled(work)) add_tabulated(work, false);
+    if (!facet_fit_cancelled(work)) add_tabulated(work, false, false);
+    /* What an ellipse explains needs no rows. */
+    if (work->anisotropic && work->best_cost > EXACT && !facet_fit_cancelled(work)) facet_fit_tabulate_rows(work);
+    if (!facet_fit_cancelled(work) && work->owned->turned_table) add_tabulated(work, false, true);
     if (facet_fit_cancelled(work) || !(work->diffuse_cost < work->plain_cost) || work->anisotropic) return;
     facet_status status = facet_fit_extract_diffuse(work);
     if (status == FACET_NO_MEMORY || status == FACET_CANCELLED) work->status = status;
-    if (status == FACET_OK) add_tabulated(work, true);
+    if (status == FACET_OK) add_tabulated(work, true, false);
 }

@@ -225,9 +225,25 @@ void facet_fit_tabulate_turned(struct fit_work *work)
     fit->table_scale = FIT_SCALE_PER_MEDIAN; /* slopes are now in units of alpha */
     work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention,
                                         &work->turn, &work->roughness, fit->table_scale,
-                                        work->nodes, log_d);
+                                        work->nodes, 1, log_d);
     if (facet_fit_cancelled(work)) return;
     work->status = facet_slope_table_create(fit->table_scale, log_d, work->nodes,
                                             &work->owned->table[0]);
     if (work->status == FACET_BAD_TABLE) work->status = FACET_BAD_DATA;
+}
+
+void facet_fit_tabulate_rows(struct fit_work *work)
+{
+    const facet_fit *fit = work->fit;
+    struct fit_owned *owned = work->owned;
+    if (work->nodes > FACET_TURNED_NODES_MAX / FACET_FIT_ROWS) return; /* no table holds that */
+    owned->turned_log_d = calloc(FACET_FIT_ROWS * work->nodes, sizeof *owned->turned_log_d);
+    work->status = owned->turned_log_d ? FACET_OK : FACET_NO_MEMORY;
+    if (work->status == FACET_OK)
+        work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention, &work->turn, &work->roughness,
+                                            fit->table_scale, work->nodes, FACET_FIT_ROWS, owned->turned_log_d);
+    if (facet_fit_cancelled(work)) return;
+    work->status = facet_slope_table_create_turned(fit->table_scale, owned->turned_log_d, work->nodes, FACET_FIT_ROWS,
+                                                   &owned->turned_table);
+    if (work->status == FACET_BAD_TABLE) work->status = FACET_OK; /* there is none */
 }

@@ -14,7 +14,8 @@ struct fit_model {
     facet_ndf ndf;
     facet_masking masking;
     const facet_slope_table *table; /* TABULATED */
-    bool anisotropic, has_diffuse, has_table, fixed_shape;
+    bool anisotropic, has_diffuse, has_table, fixed_shape,
+        is_turned;                /* is_turned: the table's azimuths differ */
     double shape[FIT_SHAPES_MAX]; /* log alpha_x[, log alpha_y, atanh rho] */
     double f0[3], kd[3];
     double *value[3]; /* with has_table: F of each group of the pairs; room of the caller */

@@ -2,6 +2,7 @@
 
 #include "fit_backscatter.h"
 #include "gauss.h"
+#include "slope_turned.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -71,8 +72,8 @@ static void fill_kernel(const struct fit_turn *t, facet_fit_convention conventio
     for (size_t i = 0; i < t->radii; i++)
         for (size_t k = 0; k < t->radii; k++)
             for (size_t d = 0; d < t->turns; d++)
-                *kernel++ = facing(convention, t->r[i] * t->r[k] *
-                                                   cos(2 * PI * (double)d / (double)t->turns));
+                *kernel++ = facing(convention,
+                                   t->r[i] * t->r[k] * cos(2 * PI * (double)d / (double)t->turns));
 }
 
 /* next = gain (K weight p) */
@@ -206,21 +207,16 @@ static double mean_along(const struct fit_turn *t, double a)
 facet_roughness facet_fit_turn_roughness(const struct fit_turn *turn, facet_ndf ndf)
 {
     /* E|x| of the standard distributions: 1 (GGX), 1/sqrt(pi) (Beckmann) */
-    double unit = ndf == FACET_GGX ? 1 : 1 / sqrt(PI), square[4];
-    for (int k = 0; k < 4; k++) {
-        double mean = mean_along(turn, PI / 4 * k) / unit;
-        square[k] = mean * mean; /* alpha^2 along that axis: a quadratic form */
-    }
-    /* its three coefficients from four axes, by least squares */
-    double mean = (square[0] + square[1] + square[2] + square[3]) / 4;
-    double xx = mean + (square[0] - square[2]) / 2, yy = mean - (square[0] - square[2]) / 2;
-    double xy = (square[1] - square[3]) / 2;
-    xx = fmax(xx, 1e-3 * mean), yy = fmax(yy, 1e-3 * mean);
-    double ax = sqrt(xx), ay = sqrt(yy), rho = fmax(-0.99, fmin(0.99, xy / (ax * ay)));
+    double unit = ndf == FACET_GGX ? 1 : 1 / sqrt(PI), alpha[4];
+    for (int k = 0; k < 4; k++) alpha[k] = mean_along(turn, PI / 4 * k) / unit;
+    struct slope_spread f =
+        facet_slope_spread(alpha); /* alpha^2 along an axis is a quadratic form */
+    double ax = sqrt(f.xx), ay = sqrt(f.yy), rho = fmax(-0.99, fmin(0.99, f.xy / (ax * ay)));
     return (facet_roughness){.alpha_x = ax, .alpha_y = ay, .rho = rho};
 }
 
-/* ---- Table ------------------------------------------------------------------------------------ */
+/* ---- Table ------------------------------------------------------------------------------------
+ */
 
 /* The sum of the equation at a slope (x, y) that need not be a node. */
 static double masked_sum(const struct fit_turn *t, facet_fit_convention convention, double x,
@@ -235,31 +231,54 @@ static double masked_sum(const struct fit_turn *t, facet_fit_convention conventi
     return sum;
 }
 
+/* Where a table is asked for. */
+struct place {
+    const facet_fit_source *source;
+    facet_masking masking;
+    facet_fit_convention convention;
+    const struct fit_turn *turn;
+    facet_roughness roughness;
+};
+
+enum { AZIMUTHS = 16 };
+
+/* The mean of P over count <= AZIMUTHS azimuths, evenly spaced from `first` on, at standard slopes
+ * s. */
+static facet_status mean_density(const struct place *at, double s, double first, int count,
+                                 double *p)
+{
+    double x[AZIMUTHS], y[AZIMUTHS], fr[AZIMUTHS];
+    const facet_roughness *a = &at->roughness;
+    double kappa = sqrt((1 - a->rho) * (1 + a->rho)), det = a->alpha_x * a->alpha_y * kappa;
+    for (int k = 0; k < count; k++) {
+        double phi = first + 2 * PI * k / count, sx = s * cos(phi), sy = s * sin(phi);
+        x[k] = a->alpha_x * sx, y[k] = a->alpha_y * (a->rho * sx + kappa * sy);
+    }
+    facet_status status = backscatter(at->source, x, y, (size_t)count, fr);
+    *p = 0;
+    for (int k = 0; k < count && status == FACET_OK; k++) {
+        double r = hypot(x[k], y[k]);
+        double sum = at->masking == FACET_SMITH ? masked_sum(at->turn, at->convention, x[k], y[k])
+                                                : plain_sum(at->masking, r);
+        *p += facet_fit_gain(r, fr[k]) * sum * det / (at->turn->f0 * count);
+    }
+    return status;
+}
+
 facet_status facet_fit_turn_table(const facet_fit_source *source, facet_masking masking,
                                   facet_fit_convention convention, const struct fit_turn *turn,
                                   const facet_roughness *roughness, double scale, size_t n,
-                                  double *log_d)
+                                  size_t rows, double *log_d)
 {
-    enum { AZIMUTHS = 16 };
-    double x[AZIMUTHS], y[AZIMUTHS], fr[AZIMUTHS];
-    const facet_roughness *a = roughness;
-    double kappa = sqrt((1 - a->rho) * (1 + a->rho)), det = a->alpha_x * a->alpha_y * kappa;
-    for (size_t i = 0; i < n; i++) {
-        double u = (double)i / (double)(n - 1), s = fmin(scale * u / (1 - u), SLOPE_HORIZON);
-        for (int k = 0; k < AZIMUTHS; k++) {
-            double phi = 2 * PI * (k + 0.5) / AZIMUTHS, sx = s * cos(phi), sy = s * sin(phi);
-            x[k] = a->alpha_x * sx, y[k] = a->alpha_y * (a->rho * sx + kappa * sy);
-        }
-        facet_status status = backscatter(source, x, y, AZIMUTHS, fr);
+    const struct place at = {source, masking, convention, turn, *roughness};
+    for (size_t k = 0; k < rows * n; k++) {
+        size_t i = k % n, row = k / n;
+        double u = (double)i / (double)(n - 1), s = fmin(scale * u / (1 - u), SLOPE_HORIZON), p;
+        double first = rows > 1 ? PI * (double)row / (double)rows : PI / AZIMUTHS;
+        facet_status status = mean_density(&at, s, first, rows > 1 ? 2 : AZIMUTHS, &p);
         if (status != FACET_OK) return status;
-        double p = 0;
-        for (int k = 0; k < AZIMUTHS; k++) {
-            double r = hypot(x[k], y[k]);
-            double sum = masking == FACET_SMITH ? masked_sum(turn, convention, x[k], y[k])
-                                                : plain_sum(masking, r);
-            p += facet_fit_gain(r, fr[k]) * sum * det / (turn->f0 * AZIMUTHS);
-        }
-        log_d[i] = p > 0 ? fmax(log(p) + 2 * log1p(s * s), LOG_ZERO) : LOG_ZERO;
+        log_d[k] = p > 0 ? fmax(log(p) + 2 * log1p(s * s), LOG_ZERO) : LOG_ZERO;
+        if (i == 0) log_d[k] = log_d[0]; /* the normal has no azimuth */
     }
     return FACET_OK;
 }

@@ -29,11 +29,11 @@ facet_roughness facet_fit_turn_roughness(const struct fit_turn *turn, facet_ndf 
 
 /*
  * log D at the n nodes of a facet_slope_table in the standard slopes of this
- * roughness: the mean over the azimuth.
+ * roughness: the mean over the azimuth; or rows of them over it, each the mean of both its sides.
  */
 facet_status facet_fit_turn_table(const facet_fit_source *source, facet_masking masking,
                                   facet_fit_convention convention, const struct fit_turn *turn,
                                   const facet_roughness *roughness, double scale, size_t n,
-                                  double *log_d);
+                                  size_t rows, double *log_d);
 
 #endif

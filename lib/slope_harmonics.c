@@ -17,7 +17,7 @@ enum { PLAIN = 4, NEAR = 8, RINGS = PLAIN + NEAR };
 
 struct harmonics {
     const struct kernel_table *table;
-    size_t cells, count, rows; /* count: of harmonics, from 0; rows: samples in half a turn */
+    size_t cells, count, rows; /* count: of harmonics, from 0; rows: samples in half a turn, even */
     double *r;                 /* [cell][RINGS] */
     double *even, *odd; /* [cell][RINGS][count]: of P r^2 dr, by cosine and sine of 2 k azimuth */
     double *cosine, *sine; /* of 2 pi j/rows */
@@ -34,11 +34,19 @@ static void add_ring(const struct harmonics *h, size_t ring, double u, double du
     for (size_t j = 0; j < h->rows; j++)
         h->value[j] =
             weight * exp(slope_sheet_at(h->table->turned_q, u, (double)j / (double)h->rows));
+    size_t half =
+        h->rows /
+        2; /* rows are even: j and rows - j share a cosine and, but for its sign, a sine */
+    for (size_t j = 1; j < half; j++) {
+        double before = h->value[j], after = h->value[h->rows - j];
+        h->value[j] = before + after;
+        h->value[h->rows - j] = before - after;
+    }
     for (size_t k = 0; k < h->count; k++) {
-        double c = 0, s = 0;
-        for (size_t j = 0, at = 0; j < h->rows; j++) {
+        double c = h->value[0] + (k % 2 ? -1 : 1) * h->value[half], s = 0;
+        for (size_t j = 1, at = k; j < half; j++) {
             c += h->value[j] * h->cosine[at];
-            s += h->value[j] * h->sine[at];
+            s += h->value[h->rows - j] * h->sine[at];
             at += k;
             if (at >= h->rows) at -= h->rows;
         }

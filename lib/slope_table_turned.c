@@ -14,7 +14,7 @@
 #define TURNS_FINE 128
 #define PATCHES_MAX 65536
 /* sigma is tabulated at so many cells along u, and so many times the azimuths. */
-#define PSI_CELLS 128
+#define PSI_CELLS 96
 #define PSI_FINER 2
 /* And measured at so many, none of them a node but the first, by so many points on lines, along so
  * many azimuths. */

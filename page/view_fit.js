@@ -18,7 +18,7 @@ function nameOf(c) {
         c.model === "ggx" ? "GGX" : c.model === "beckmann" ? "Beckmann" : "Tabulated",
         c.fresnel === "schlick" ? "Schlick" : "Fresnel table",
     ];
-    if (c.anisotropic) parts.push("anisotropic");
+    if (c.anisotropic) parts.push(c.azimuths ? "over the azimuth" : "anisotropic");
     if (c.diffuse) parts.push("diffuse");
     return parts.join(", ");
 }

@@ -144,6 +144,7 @@ TEST(beckmann_tabulated_at_resolution_90)
         json_t *fit = fit_json(body, 200), *material = json_object_get(fit, "material");
         json_t *slopes = json_object_get(material, "slopes"), *o = json_array();
         CHECK_INT(json_array_size(json_object_get(slopes, "log_D")), 91);
+        CHECK(json_is_number(json_array_get(json_object_get(slopes, "log_D"), 0)));
         double scale = number_at(slopes, "scale", NULL), worst = 0;
         for (int i = 0; i < 500; i++) {
             double u = i / 500., r = scale * u / (1 - u), z = 1 / sqrt(1 + r * r);

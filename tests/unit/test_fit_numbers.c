@@ -296,3 +296,44 @@ TEST(vgroove_and_normal_map)
         facet_brdf_destroy(brdf);
     }
 }
+
+/* Lobes along two axes, which are no ellipse: rows over the azimuth tell them, a stretched mean does not. */
+TEST(what_is_no_ellipse_is_told_by_rows)
+{
+    enum { N = 61, ROWS = 40 };
+    static double log_d[ROWS][N];
+    for (int j = 0; j < ROWS; j++)
+        for (int i = 0; i < N; i++) {
+            double u = i / (N - 1.), phi = PI * j / ROWS;
+            log_d[j][i] = -9 * u + u * u * (.4 * cos(2 * phi) + cos(4 * phi - 1));
+        }
+    facet_material material = {.ndf = FACET_TABULATED, .roughness = {.9, .4, .3, 0, 0},
+                               .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {1, 1, 1}}};
+    facet_slope_table *table = NULL;
+    facet_brdf *brdf = NULL;
+    CHECK_INT(facet_slope_table_create_turned(.4, log_d[0], N, ROWS, &table), FACET_OK);
+    material.table = table;
+    CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
+    facet_fit_source source = {evaluate_brdf, brdf, INFINITY, true, NULL};
+    facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_ALL, true, false, true};
+    facet_fit fit;
+    double start = ms();
+    CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
+    check_note("ms", ms() - start);
+    double rows = INFINITY, compact = INFINITY, others = INFINITY;
+    for (size_t i = 0; i < fit.count; i++) {
+        const facet_fit_candidate *c = &fit.candidate[i];
+        double *of = c->log_d_rows == FACET_FIT_ROWS ? &rows : c->log_d_rows > 1 ? &compact : &others;
+        *of = fmin(*of, c->error.rms_log);
+        if (c->log_d_rows > 1) CHECK(c->bytes > c->log_d_rows * c->log_d_nodes * sizeof(double));
+    }
+    check_note("rows", rows);
+    check_note("compact", compact);
+    check_note("others", others);
+    CHECK(rows < 2e-4);
+    CHECK(compact < .01);
+    CHECK(others > .1);
+    facet_fit_clear(&fit);
+    facet_brdf_destroy(brdf);
+    facet_slope_table_destroy(table);
+}
