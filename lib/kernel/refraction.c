@@ -108,14 +108,12 @@ INLINE struct lobe reflected_lobe(struct model m, const struct kernel_surface *s
     return l;
 }
 
-/* D / sigma(wo) of M, over factor_of. */
-INLINE real seen_density(struct model m, const struct kernel_surface *s, const struct terms *t,
-                         real where)
+/* D / sigma(wo) of M times what the index makes of it.  What counts as 0 is known of the product alone: the Jacobian may be large. */
+INLINE real transmitted_density(struct model m, const struct kernel_surface *s, const struct terms *t, real where, real spread)
 {
     struct fraction d = bare_density_scaled(m, s, t->h, t->o);
-    real value =
-        saturated(quotient(d.num, d.den * real_max(sigma_scaled(m, s, t->o), splat(REAL_MIN))));
-    return counted(m, factor_of(m, s), where, value);
+    real seen = saturated(quotient(d.num, d.den * real_max(sigma_scaled(m, s, t->o), splat(REAL_MIN))));
+    return counted(m, factor_of(m, s), where, saturated(seen * saturated(spread))) * factor_of(m, s);
 }
 
 /* A cosine of M that a `wider` rounding decides about. */
@@ -130,8 +128,7 @@ INLINE struct lobe transmitted_lobe(struct model m, const struct kernel_surface 
     const real where = real_min(t.h.hz, real_min(x.to_o, x.to_i));
     const mask there = less(splat(0), where);
     real spread = select(there, crossing_spread(&x), splat(0));
-    struct lobe l = {.pdf = saturated(seen_density(m, s, &t, where) * saturated(spread)) *
-                            factor_of(m, s),
+    struct lobe l = {.pdf = transmitted_density(m, s, &t, where, spread),
                      .weight = splat(0),
                      .fr = splat(0),
                      .fr_cos = splat(0),

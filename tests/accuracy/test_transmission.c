@@ -40,24 +40,30 @@ static facet_material draw_glass(struct rng *rng)
     return m;
 }
 
+/* Unit wi of wo refracted at h, both above; false where it is not. */
+static bool refract(const double h[3], const double wo[3], double n, double wi[3])
+{
+    double c = 0, size = 0;
+    for (int j = 0; j < 3; j++) c += wo[j] * h[j];
+    double g2 = n * n - 1 + c * c;
+    if (!(c > 0 && g2 > 0)) return false;
+    double bend = (n * n - 1) / (c + sqrt(g2));
+    for (int j = 0; j < 3; j++) size += pow(wi[j] = -(wo[j] + bend * h[j]) / n, 2);
+    for (int j = 0; j < 3; j++) wi[j] /= sqrt(size);
+    return true;
+}
+
 /* wi the refraction of wo at a normal of slopes a few alpha from the mean one; else anywhere. */
 static void draw_across(struct rng *rng, const facet_material *m, double wi[3], double wo[3])
 {
-    double h[3], c = 0, n = m->fresnel.eta[0];
+    double h[3], n = m->fresnel.eta[0];
     const facet_roughness *r = &m->roughness;
     draw_direction(rng, rng_uniform(rng) < 0.3 ? 0 : 1e-3, wo);
     double x = r->alpha_x * tan(1.5 * (2 * rng_uniform(rng) - 1)) + r->slope_x;
     double y = r->alpha_y * tan(1.5 * (2 * rng_uniform(rng) - 1)) + r->slope_y, length = sqrt(1 + x * x + y * y);
     h[0] = -x / length, h[1] = -y / length, h[2] = 1 / length;
-    for (int j = 0; j < 3; j++) c += wo[j] * h[j];
     bool below = rng_uniform(rng) < 0.5;
-    if (below) n = 1 / n;
-    double g2 = n * n - 1 + c * c;
-    if (c > 0 && g2 > 0) {
-        double bend = (n * n - 1) / (c + sqrt(g2)), size = 0;
-        for (int j = 0; j < 3; j++) size += pow(wi[j] = -(wo[j] + bend * h[j]) / n, 2);
-        for (int j = 0; j < 3; j++) wi[j] /= sqrt(size);
-    } else {
+    if (!refract(h, wo, below ? 1 / n : n, wi)) {
         draw_direction(rng, 0, wi);
         for (int j = 0; j < 3 && rng_uniform(rng) < 0.5; j++) wi[j] = -wi[j];
     }
@@ -176,6 +182,32 @@ static size_t check_sample(const facet_bsdf *bsdf, const facet_material *m, face
                        facet_tier_name(tier), j, error, bound, m->fresnel.eta[0], wo[0], wo[1], wo[2], u[0], u[1], u[2], draw_text(m));
     }
     return 3;
+}
+
+/* Next to the floor, where float tiers let Beckmann's tail end, and a Jacobian that lifts what is below it. */
+TEST(tails_are_there)
+{
+    struct rng rng;
+    struct pairs pairs = {.n = PAIRS};
+    size_t checked = 0, n = draw_count(150);
+    rng_seed(&rng, 21);
+    for (size_t k = 0; k < n; k++) {
+        double alpha = 0.03 + 0.2 * rng_uniform(&rng);
+        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {alpha, alpha, 0, 0, 0},
+                            .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1, .eta = {1.03 + 0.1 * rng_uniform(&rng)}}};
+        facet_bsdf *bsdf = NULL;
+        CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_OK);
+        for (size_t i = 0; i < PAIRS; i++) {
+            double r = alpha * sqrt(60 + 30 * rng_uniform(&rng)), size = sqrt(1 + r * r), h[3] = {r / size, 0, 1 / size}, wo[3], wi[3];
+            do draw_direction(&rng, 0.3, wo);
+            while (!refract(h, wo, m.fresnel.eta[0], wi));
+            for (int j = 0; j < 3; j++) pairs.i[j][i] = wi[j], pairs.o[j][i] = wo[j];
+            reference_bsdf(&m, FACET_IMPORTANCE, wi, wo, &pairs.x[i]);
+        }
+        for (int t = 0; t < FACET_TIER_COUNT && bsdf; t++) checked += check_pairs(bsdf, &m, (facet_tier)t, &pairs);
+        facet_bsdf_destroy(bsdf);
+    }
+    CHECK(checked >= 100 * n);
 }
 
 TEST(samples_where_they_belong)
