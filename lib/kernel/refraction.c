@@ -254,7 +254,9 @@ INLINE void choose(const struct kernel_refraction *job, const struct kernel_norm
     struct vec3 wo = load_vec3((const void *const[3]){ job->wo[0], job->wo[1], job->wo[2] }, k);
     struct vec3 wi = load_vec3((const void *const[3]){ d->wi[0], d->wi[1], d->wi[2] }, k);
     struct vec3 h = load_vec3((const void *const[3]){ d->h[0], d->h[1], d->h[2] }, k);
-    /* wi is turned up with wo: the angle between them is not what turning changes. */
+    /* An estimated root leaves h right to 1e-4 of its length, which bending has no use for. */
+    if (REAL_IS_FLOAT) h = scaled_vec3(nmadd(splat(R(0.5)), square_of(h), splat(R(1.5))), h);
+    /* The pair that F is of: wi turned back to wo. */
     struct sides p = sides_of(job, k);
     wider turn = wider_choice(p.oz, -1, 0, 1, 0);
     p.ix = wider_product(turn, wider_at(d->wi[0], k));
@@ -270,6 +272,7 @@ INLINE void choose(const struct kernel_refraction *job, const struct kernel_norm
     store_at(d->wi[0], k, p.turn * select(refracts, bent.x, wi.x));
     store_at(d->wi[1], k, p.turn * select(refracts, bent.y, wi.y));
     store_at(d->wi[2], k, p.turn * select(refracts, bent.z, wi.z));
+    if (!COMPENSATED) return;
     struct fraction t = transmittance(index, c, g);
     real own = quotient(4 * pdf * c * t.num * index * g, select(refracts, t.den * bend * bend, splat(1)));
     store_at(d->chosen, k, select(refracts, -own, fresnel * pdf));

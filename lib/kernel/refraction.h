@@ -58,7 +58,7 @@ struct kernel_refraction {
 struct kernel_normals {
     const double *h[3], *pdf, *u; /* u: reflects where it is below F */
     double *wi[3];                /* in: as reflected; out: of the lobe that was chosen, turned back */
-    double *chosen;               /* as kernel_refraction's */
+    double *chosen;               /* as kernel_refraction's; precise alone */
 };
 
 /* n is a multiple of KERNEL_LANES.  True if some result is not a number, as kernel_eval_fn. */
