@@ -325,6 +325,12 @@ $(BENCH_SAMPLERS): $(addprefix $(B)/tests/,bench/samplers.o report/samplers.o) $
 bench-samplers: $(BENCH_SAMPLERS) ## nanoseconds of a sample, each method against its own scalar double form: asked and measured
 	@$<
 
+BENCH_TRANSMISSION := $(B)/tests/bench/transmission
+$(BENCH_TRANSMISSION): $(addprefix $(B)/tests/,bench/transmission.o support/textbook.o support/normals.o) $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
+bench-transmission: $(BENCH_TRANSMISSION) ## nanoseconds a direction of rough glass in every tier, against its reflection and scalar formulas
+	@$<
+
 container: ## build the Dockerfile without a Docker engine, run the image and ask it
 	@$(MAKE) --no-print-directory deps WHEN=container
 	@tests/container.sh
@@ -368,6 +374,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers chi2 test-page bench-million bench-fit
+.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers bench-transmission chi2 test-page bench-million bench-fit
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

@@ -28,7 +28,7 @@ struct speed {
 
 struct tier {
     const char *name, *domain;
-    struct list models; /* of struct speed */
+    struct list models, transmission; /* of struct speed */
 };
 
 struct capabilities {
@@ -69,7 +69,7 @@ static const struct field quantity_fields[] = {
 };
 
 static const struct field speed_fields[] = {
-    {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1"},
+    {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1; of transmission: eta 1.5"},
     {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
     {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
      .doc = "one fr, in a batch, measured once, on this machine"},
@@ -83,6 +83,8 @@ static const struct field tier_fields[] = {
     {F(tier, domain), FIELD_TEXT, FIELD_MUST, .doc = "where it promises anything; elsewhere the next tier is taken"},
     {F(tier, models), FIELD_LIST, FIELD_MUST, .fields = speed_fields, .size = sizeof(struct speed),
      .doc = "what it promises and costs"},
+    {F(tier, transmission), FIELD_LIST, FIELD_MUST, .fields = speed_fields, .size = sizeof(struct speed),
+     .doc = "the same of rough dielectrics, half of the pairs across the surface"},
     {0},
 };
 
@@ -136,20 +138,26 @@ static bool list_models(struct call *call, struct list *out)
 }
 
 /* What a number costs, measured once: answers stay the same, as their ETag says. */
-static bool cost_of(const facet_brdf *brdf, facet_ndf ndf, facet_tier tier, facet_quantity quantity,
+static bool cost_of(const struct surface *surface, facet_tier tier, facet_quantity quantity,
                     struct arena *arena, double *ns)
 {
-    static _Atomic double measured[FACET_NDF_COUNT][FACET_TIER_COUNT][FACET_QUANTITY_COUNT]; /* 0: not yet */
-    _Atomic double *first = &measured[ndf][tier][quantity];
+    static _Atomic double measured[2][FACET_NDF_COUNT][FACET_TIER_COUNT][FACET_QUANTITY_COUNT]; /* 0: not yet */
+    _Atomic double *first = &measured[surface->bsdf != NULL][surface->facet.ndf][tier][quantity];
     double none = 0;
     *ns = *first;
     if (*ns != 0) return true;
-    if (!api_measure_eval(brdf, tier, quantity, arena, ns)) return false;
+    if (!api_measure_eval(surface->brdf, surface->bsdf, tier, quantity, arena, ns)) return false;
     if (!atomic_compare_exchange_strong(first, &none, *ns)) *ns = none;
     return true;
 }
 
-static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_ndf ndf, facet_tier tier, struct list *out)
+static bool bound_of(const struct surface *surface, facet_tier tier, facet_quantity quantity, double *bound)
+{
+    return surface->bsdf ? facet_bsdf_bound(surface->bsdf, tier, quantity, 0, bound)
+                         : facet_bound(surface->brdf, tier, quantity, 0, bound);
+}
+
+static bool list_quantities(struct call *call, const struct surface *surface, facet_tier tier, struct list *out)
 {
     struct promise_of_quantity *list = api_arena_array(call->arena, FACET_QUANTITY_COUNT, sizeof *list);
     if (!list) return api_problem_memory(call->problem);
@@ -157,9 +165,40 @@ static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_ndf
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         struct promise_of_quantity *one = &list[out->count];
         one->quantity = quantity_names[q];
-        if (!facet_bound(brdf, tier, (facet_quantity)q, 0, &one->bound)) continue;
-        if (!cost_of(brdf, ndf, tier, (facet_quantity)q, call->arena, &one->ns))
+        if (!bound_of(surface, tier, (facet_quantity)q, &one->bound)) continue;
+        if (!cost_of(surface, tier, (facet_quantity)q, call->arena, &one->ns))
             return api_problem_memory(call->problem);
+        out->count++;
+    }
+    return true;
+}
+
+/* One struct speed per analytic distribution that the tier has. */
+static bool list_speeds(struct call *call, facet_tier tier, bool transmission, struct list *out)
+{
+    static const facet_ndf analytic[] = {FACET_GGX, FACET_BECKMANN};
+    enum { COUNT = sizeof analytic / sizeof *analytic };
+    struct decoder decoder = {call->arena, call->problem};
+    struct dielectric glass = {.eta = {.channels = 1, .value = {1.5}}};
+    struct speed *speeds = api_arena_array(call->arena, COUNT, sizeof *speeds);
+    if (!speeds) return api_problem_memory(call->problem);
+    *out = (struct list){0, speeds};
+    for (int i = 0; i < COUNT; i++) {
+        struct material material;
+        struct surface surface;
+        api_field_clear(api_material_fields, &material);
+        material.ndf = analytic[i];
+        material.alpha = 0.3;
+        material.transmission = transmission;
+        if (transmission) material.fresnel = (struct fresnel){.form = FRESNEL_BY_KEY, .dielectric = &glass};
+        if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
+        struct speed *speed = &speeds[out->count];
+        speed->ndf = api_ndf_names[analytic[i]];
+        if (!list_quantities(call, &surface, tier, &speed->quantities)) return false;
+        if (!speed->quantities.count) continue;
+        const struct promise_of_quantity *fr = speed->quantities.items; /* the first */
+        speed->bound = fr->bound;
+        speed->ns_per_eval = fr->ns;
         out->count++;
     }
     return true;
@@ -167,29 +206,8 @@ static bool list_quantities(struct call *call, const facet_brdf *brdf, facet_ndf
 
 static bool describe_tier(struct call *call, int tier, struct tier *out)
 {
-    static const facet_ndf analytic[] = {FACET_GGX, FACET_BECKMANN};
-    enum { COUNT = sizeof analytic / sizeof *analytic };
-    struct decoder decoder = {call->arena, call->problem};
-    struct speed *speeds = api_arena_array(call->arena, COUNT, sizeof *speeds);
-    if (!speeds) return api_problem_memory(call->problem);
-    *out = (struct tier){api_tier_names[tier], facet_tier_domain((facet_tier)tier), {0, speeds}};
-    for (int i = 0; i < COUNT; i++) {
-        struct material material;
-        struct surface surface;
-        api_field_clear(api_material_fields, &material);
-        material.ndf = analytic[i];
-        material.alpha = 0.3;
-        if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
-        struct speed *speed = &speeds[out->models.count];
-        speed->ndf = api_ndf_names[analytic[i]];
-        if (!list_quantities(call, surface.brdf, analytic[i], (facet_tier)tier, &speed->quantities)) return false;
-        if (!speed->quantities.count) continue;
-        const struct promise_of_quantity *fr = speed->quantities.items; /* the first */
-        speed->bound = fr->bound;
-        speed->ns_per_eval = fr->ns;
-        out->models.count++;
-    }
-    return true;
+    *out = (struct tier){.name = api_tier_names[tier], .domain = facet_tier_domain((facet_tier)tier)};
+    return list_speeds(call, (facet_tier)tier, false, &out->models) && list_speeds(call, (facet_tier)tier, true, &out->transmission);
 }
 
 static bool list_tiers(struct call *call, struct list *out)

@@ -220,7 +220,7 @@ static bool measure(struct call *call, const facet_material *material, double *n
     while (tier < FACET_PRECISE &&
            !(facet_bound(brdf, tier, FACET_FR, 0, &bound) && bound <= TOLERANCE_DEFAULT))
         tier++;
-    bool ok = api_measure_eval(brdf, tier, FACET_FR, call->arena, ns);
+    bool ok = api_measure_eval(brdf, NULL, tier, FACET_FR, call->arena, ns);
     facet_brdf_destroy(brdf);
     return ok || api_problem_memory(call->problem);
 }

@@ -3,10 +3,13 @@
 #define API_SPEED_H
 
 #include "arena.h"
-#include "facet.h"
+#include "facet_transmission.h"
 
-/* Nanoseconds per number of a quantity, one channel, the best of a few short batches; false: out of memory. */
-bool api_measure_eval(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity, struct arena *arena,
-                      double *ns);
+/*
+ * Nanoseconds per number of a quantity, one channel, the best of a few short batches; with a bsdf (else
+ * NULL) of that, every other wi below.  False: out of memory.
+ */
+bool api_measure_eval(const facet_brdf *brdf, const facet_bsdf *bsdf, facet_tier tier, facet_quantity quantity,
+                      struct arena *arena, double *ns);
 
 #endif

@@ -127,11 +127,14 @@ static void redo_strays(const facet_bsdf *b, const struct kernel_refraction *job
         for (size_t i = 0; job->out[q] && i < count; i++) job->out[q][at[i]] = out[q][i];
 }
 
-void facet_refract(const facet_bsdf *b, facet_tier tier, const struct kernel_refraction *job,
-                   size_t n)
+facet_tier facet_bsdf_tier(const facet_bsdf *b, facet_tier tier)
 {
-    if (tier < FACET_EXACT32 && !b->floats_hold) tier = FACET_EXACT32;
-    if (run(b, tier, job, n)) redo_strays(b, job, n);
+    return tier < FACET_EXACT32 && !b->floats_hold ? FACET_EXACT32 : tier;
+}
+
+void facet_refract(const facet_bsdf *b, facet_tier tier, const struct kernel_refraction *job, size_t n)
+{
+    if (run(b, facet_bsdf_tier(b, tier), job, n)) redo_strays(b, job, n);
 }
 
 void facet_transmittance(double index, const double *c, const double *g, size_t n, double *to)
@@ -237,7 +240,7 @@ static double across(const struct normals *n, size_t i, int quantity)
     case FACET_D_VIS:
         return over(D * n->out[REFRACTION_COSINE][i], sigma_o);
     case FACET_G:
-        return over(n->out[REFRACTION_TRANSMITTED_WEIGHT][i] * zo, sigma_o);
+        return over(n->out[REFRACTION_MASKING][i] * zo, sigma_o);
     case FACET_G1_I:
         return over(zi, n->out[REFRACTION_SIGMA_I][i]);
     case FACET_G1_O:
@@ -256,7 +259,7 @@ static void find_normals(const facet_bsdf *b, const double *const in[6], size_t 
     for (int j = 0; j < 6; j++)
         facet_stage(facet_doubles(in[j]), KERNEL_DOUBLE, n, j % 3 == 2, to->in[j]);
     for (int j = 0; j < 3; j++) job.wi[j] = to->in[j], job.wo[j] = to->in[3 + j];
-    for (int q = REFRACTION_REFLECTED_PDF; q < REFRACTION_OUTPUT_COUNT; q++)
+    for (int q = REFRACTION_MASKING; q < REFRACTION_OUTPUT_COUNT; q++)
         job.out[q] = to->out[q];
     facet_refract(b, FACET_PRECISE, &job, facet_padded(n));
     for (size_t i = 0; i < n; i++) {

@@ -27,6 +27,9 @@ enum { TRANSMISSION_BLOCK = 256 };
 /* A batch of this surface without directions and outputs. */
 struct kernel_refraction facet_refraction_of(const facet_bsdf *bsdf);
 
+/* The tier that really runs. */
+facet_tier facet_bsdf_tier(const facet_bsdf *bsdf, facet_tier tier);
+
 /*
  * Runs n <= TRANSMISSION_BLOCK pairs, a multiple of KERNEL_LANES, in a tier; what that leaves
  * without a number again in precise.

@@ -7,13 +7,13 @@
 #include <math.h>
 
 /* Of what the index, the Fresnel term, the Jacobian and powers in masking add to D and sigma (accuracy.def). */
-static double refraction_bound(facet_tier tier)
+static double refraction_bound(facet_tier tier, facet_ndf ndf)
 {
 #define PROMISE(t, n, q, bound)
 #define FRESNEL(t, kind, own, added)
 #define SAMPLER(t, s, pdf, added)
-#define TRANSMISSION(t, bound)                                                  \
-    if (FACET_##t == tier) return bound;
+#define TRANSMISSION(t, n, bound)                                               \
+    if (FACET_##t == tier && FACET_##n == ndf) return bound;
 #include "accuracy.def"
 #undef PROMISE
 #undef FRESNEL
@@ -43,9 +43,10 @@ static double masking_bound(const facet_bsdf *b, facet_tier tier, double sigma)
 /* Of the transmitted lobe. */
 static bool across_bound(const facet_bsdf *b, facet_tier tier, facet_quantity quantity, double input_error, double *bound)
 {
-    double d, sigma, own = refraction_bound(tier) + 8 * input_error;
+    double d, sigma, seen, own = refraction_bound(tier, b->ndf) + 8 * input_error;
     if (!facet_bound(b->ideal, tier, FACET_D, input_error, &d) ||
-        !facet_bound(b->ideal, tier, FACET_SIGMA_O, input_error, &sigma))
+        !facet_bound(b->ideal, tier, FACET_SIGMA_O, input_error, &sigma) ||
+        !facet_bound(b->ideal, tier, FACET_PDF, input_error, &seen))
         return false;
     double masking = masking_bound(b, tier, sigma + input_error);
     switch (quantity) {
@@ -55,9 +56,9 @@ static bool across_bound(const facet_bsdf *b, facet_tier tier, facet_quantity qu
     case FACET_G1_I:
     case FACET_G1_O: *bound = own + sigma; break;
     case FACET_PDF:
-    case FACET_D_VIS: *bound = own + d + sigma; break;
+    case FACET_D_VIS: *bound = own + seen; break; /* D / sigma, as in the density of what reflects */
     case FACET_G: *bound = own + sigma + masking; break;
-    default: *bound = own + d + sigma + masking; break;
+    default: *bound = own + seen + masking; break;
     }
     return true;
 }
@@ -75,7 +76,7 @@ static bool fresnel_bound(const facet_bsdf *b, facet_tier tier, double input_err
         if (!facet_bound(b->brdf[i], wider, FACET_F, 0, &of_side)) return false;
         worst = fmax(worst, of_side + 8 * input_error); /* next to the critical angle: closeness_same */
     }
-    *bound = worst + (tier == FACET_PRECISE ? 0 : refraction_bound(tier));
+    *bound = worst + (tier == FACET_PRECISE ? 0 : refraction_bound(tier, b->ndf));
     return true;
 }
 

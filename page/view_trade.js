@@ -38,8 +38,9 @@ function largestError(values, exact, floor) {
 }
 
 // ns of one evaluation as the daemon measured it for this distribution.
-function costOf(tiers, tier, ndf) {
-    const model = tiers.find((t) => t.name === tier)?.models.find((m) => m.ndf === ndf);
+function costOf(tiers, tier, {ndf, transmission}) {
+    const speeds = tiers.find((t) => t.name === tier)?.[transmission ? "transmission" : "models"];
+    const model = speeds?.find((m) => m.ndf === ndf);
     return model?.quantities.find((q) => q.quantity === QUANTITY)?.ns;
 }
 
@@ -157,7 +158,7 @@ export function create({problem}) {
     }
 
     function draw(current) {
-        const cost = (tier) => costOf(tiers, tier, state.material.ndf);
+        const cost = (tier) => costOf(tiers, tier, state.material);
         const known = forced.filter(([tier, row]) => row && cost(tier) !== undefined);
         const most = Math.max(2, ...known.map(([tier]) => cost(tier)), current?.ns ?? 0) * 1.2;
         const floor = 1e-16;
@@ -202,7 +203,7 @@ export function create({problem}) {
                               row.tier,
                               short(row.bound),
                               actual(row),
-                              short(costOf(tiers, row.tier, state.material.ndf)),
+                              short(costOf(tiers, row.tier, state.material)),
                               short(row.size / PAIRS),
                               short(row.json / PAIRS),
                           ]
@@ -214,7 +215,7 @@ export function create({problem}) {
 
     function sentence(current) {
         const other = examples.get(1e-12),
-            ns = (row) => costOf(tiers, row.tier, state.material.ndf);
+            ns = (row) => costOf(tiers, row.tier, state.material);
         if (!other)
             return `No tier can promise ${power(-12)} for this material: its own constants amplify rounding. The chosen tolerance takes ${current.tier}.`;
         if (current.tier === other.tier && current.size === other.size)

@@ -29,9 +29,9 @@ promises() {
         /^FRESNEL\([A-Z]/ { for (i = 2; i <= 5; i++) gsub(/ /, "", $i)
             if ($3 != "IDEAL") { key = "F " tolower($3) " (and what it adds to fr)"
                 bound[key, $2] = $4 == $5 ? $4 : $4 " (" $5 ")"; if (!(key in seen)) { seen[key]; order[++n] = key } } }
-        /^TRANSMISSION\([A-Z]/ { for (i = 2; i <= 3; i++) gsub(/ /, "", $i)
-            key = "across rough glass, added to D and sigma"
-            bound[key, $2] = $3; if (!(key in seen)) { seen[key]; order[++n] = key } }
+        /^TRANSMISSION\([A-Z]/ { for (i = 2; i <= 4; i++) gsub(/ /, "", $i)
+            key = tolower($3) " across rough glass, added to D, sigma_o and pdf"
+            bound[key, $2] = $4; if (!(key in seen)) { seen[key]; order[++n] = key } }
         END { print "| largest relative error of | draft | fast | exact32 | precise |\n|---|---|---|---|---|"
             for (i = 1; i <= n; i++) { row = "| " order[i]
                 split("DRAFT FAST EXACT32 PRECISE", tier, " ")

@@ -153,9 +153,9 @@ INLINE real opposite_product(real t, real l, real r)
 /*
  * opposite.h.  With t the smaller of a and b, l the larger, SHIFT that of OPPOSITE_SHIFT, and
  * r, m, s = t, l, a + b + 1 + SHIFT:
- *   Gamma(r) Gamma(m) / Gamma(s) = sqrt(2 pi) e^-(1 + SHIFT) (1 - t/s)^(m - 1/2) (r/s)^t r^(SHIFT +
- * 1/2) times what the series leave: no two large logarithms are subtracted.  exp_minus takes no
- * exponent below 0: 1 is added to it, and e^-1 is left to the constant.
+ *   Gamma(r) Gamma(m) / Gamma(s) = sqrt(2 pi) e^-(1 + SHIFT) (1 - t/s)^(m - 1/2) (r/s)^t r^(1/2 + SHIFT)
+ * times what the series leave: no two large logarithms are subtracted.  exp_minus takes no exponent
+ * below 0: 1 is added to it, and e^-1 is left to the constant.
  */
 INLINE real opposite(real a, real b)
 {

@@ -67,7 +67,7 @@ INLINE bool wants(const struct kernel_refraction *job, enum refraction_output wh
 /* Whether densities are asked for, whichever side wi is on. */
 INLINE bool wants_densities(const struct kernel_refraction *job)
 {
-    return wants(job, REFRACTION_PDF) || wants(job, REFRACTION_REFLECTED_PDF);
+    return wants(job, REFRACTION_PDF) || wants(job, REFRACTION_WEIGHT);
 }
 
 INLINE void reflect_light(struct model m, const struct kernel_surface *s,
@@ -84,7 +84,7 @@ INLINE void reflect_light(struct model m, const struct kernel_surface *s,
         l->stray = (mask)(l->stray | stray(m, s, t, KERNEL_FR_COS, bare));
         l->fr_cos = bare * factor_of(m, s) * fresnel;
     }
-    if (wants(job, REFRACTION_REFLECTED_WEIGHT))
+    if (wants(job, REFRACTION_WEIGHT))
         l->weight = quantity_weight(m, s, t->i, t->o, t->h);
 }
 
@@ -108,14 +108,12 @@ INLINE struct lobe reflected_lobe(struct model m, const struct kernel_surface *s
     return l;
 }
 
-/* D / sigma(wo) of M, over factor_of. */
-INLINE real seen_density(struct model m, const struct kernel_surface *s, const struct terms *t,
-                         real where)
+/* D / sigma(wo) of M times what the index makes of it.  What counts as 0 is known of the product alone: the Jacobian may be large. */
+INLINE real transmitted_density(struct model m, const struct kernel_surface *s, const struct terms *t, real where, real spread)
 {
     struct fraction d = bare_density_scaled(m, s, t->h, t->o);
-    real value =
-        saturated(quotient(d.num, d.den * real_max(sigma_scaled(m, s, t->o), splat(REAL_MIN))));
-    return counted(m, factor_of(m, s), where, value);
+    real seen = saturated(quotient(d.num, d.den * real_max(sigma_scaled(m, s, t->o), splat(REAL_MIN))));
+    return counted(m, factor_of(m, s), where, saturated(seen * saturated(spread))) * factor_of(m, s);
 }
 
 /* A cosine of M that a `wider` rounding decides about. */
@@ -130,8 +128,7 @@ INLINE struct lobe transmitted_lobe(struct model m, const struct kernel_surface 
     const real where = real_min(t.h.hz, real_min(x.to_o, x.to_i));
     const mask there = less(splat(0), where);
     real spread = select(there, crossing_spread(&x), splat(0));
-    struct lobe l = {.pdf = saturated(seen_density(m, s, &t, where) * saturated(spread)) *
-                            factor_of(m, s),
+    struct lobe l = {.pdf = transmitted_density(m, s, &t, where, spread),
                      .weight = splat(0),
                      .fr = splat(0),
                      .fr_cos = splat(0),
@@ -141,7 +138,7 @@ INLINE struct lobe transmitted_lobe(struct model m, const struct kernel_surface 
         l.stray = (mask)(not_less(splat(0), least) | (there & stray(m, s, &t, KERNEL_PDF, l.pdf)));
     }
     const bool lights = wants(job, REFRACTION_FR) || wants(job, REFRACTION_FR_COS) ||
-                        wants(job, REFRACTION_REFLECTED_WEIGHT);
+                        wants(job, REFRACTION_WEIGHT) || wants(job, REFRACTION_MASKING);
     if (!lights || !any(p->across)) return l;
     mask unsure;
     real scale =
@@ -160,29 +157,42 @@ INLINE void put(const struct kernel_refraction *job, enum refraction_output whic
     if (job->out[which]) store_at(job->out[which], k, value);
 }
 
-/* Returns what the tiers below precise leave to it. */
-INLINE mask store_lobes(const struct kernel_refraction *job, size_t k, mask across, struct lobe r,
-                        struct lobe t)
+/* Densities of a sample: the lobe that was chosen has that of its normal, which a rounded wi no longer tells next to n = 1. */
+INLINE void choose_densities(const struct kernel_refraction *job, size_t k, struct lobe *r, struct lobe *t)
 {
-    real fr = select(across, t.fr, r.fr), fr_cos = select(across, t.fr_cos, r.fr_cos),
-         pdf = r.pdf + t.pdf;
+    if (!job->chosen) return;
+    real own = load_at(job->chosen, k);
+    r->pdf = select(less(own, splat(0)), r->pdf, own);
+    t->pdf = select(less(own, splat(0)), -own, t->pdf);
+}
+
+/* fr cos theta_i / pdf, no more than 1 with IMPORTANCE: a share of the density times what masking keeps. */
+INLINE real weight_of(const struct kernel_refraction *job, const struct turned *p, struct lobe r, struct lobe t, real pdf)
+{
+    real scale = select(p->sides.below, splat(R(job->side[BELOW].scale)), splat(R(job->side[ABOVE].scale)));
+    real own = select(p->across, t.pdf, r.pdf), kept = select(p->across, t.weight * scale, r.weight);
+    return select(less(splat(0), pdf), quotient(own, real_max(pdf, splat(REAL_MIN))) * kept, splat(0));
+}
+
+/* Returns what the tiers below precise leave to it. */
+INLINE mask store_lobes(const struct kernel_refraction *job, size_t k, const struct turned *p, struct lobe r, struct lobe t)
+{
+    const mask across = p->across;
+    choose_densities(job, k, &r, &t);
+    real fr = select(across, t.fr, r.fr), fr_cos = select(across, t.fr_cos, r.fr_cos), pdf = saturated(r.pdf + t.pdf);
+    real weight = weight_of(job, p, r, t, pdf);
     mask some = less(splat(0), splat(0));
     if (!COMPENSATED) {
-        mask either = (mask)(r.stray | t.stray),
-             own = (mask)((across & t.stray) | ((mask)~across & r.stray));
+        mask either = (mask)(r.stray | t.stray), own = (mask)((across & t.stray) | ((mask)~across & r.stray));
         some = wants_densities(job) ? either : own;
-        if (__builtin_expect(any(some), 0)) {
-            pdf = marked(either, pdf), fr_cos = marked(own, fr_cos), fr = marked(own, fr),
-            r.pdf = marked(either, r.pdf);
-        }
+        if (__builtin_expect(any(some), 0))
+            pdf = marked(either, pdf), weight = marked(either, weight), fr_cos = marked(own, fr_cos), fr = marked(own, fr);
     }
     put(job, REFRACTION_FR, k, fr);
     put(job, REFRACTION_FR_COS, k, fr_cos);
-    put(job, REFRACTION_PDF, k, saturated(pdf));
-    put(job, REFRACTION_REFLECTED_PDF, k, r.pdf);
-    put(job, REFRACTION_REFLECTED_WEIGHT, k, r.weight);
-    put(job, REFRACTION_TRANSMITTED_PDF, k, t.pdf);
-    put(job, REFRACTION_TRANSMITTED_WEIGHT, k, t.weight);
+    put(job, REFRACTION_PDF, k, pdf);
+    if (wants(job, REFRACTION_WEIGHT)) put(job, REFRACTION_WEIGHT, k, weight);
+    put(job, REFRACTION_MASKING, k, t.weight);
     return some;
 }
 
@@ -214,10 +224,10 @@ INLINE mask refract(struct model m, const struct kernel_surface *s,
     if (wants(job, REFRACTION_FRESNEL))
         put(job, REFRACTION_FRESNEL, k, reflection_fresnel(job, &p.sides));
     if (wants(job, REFRACTION_D)) store_normal(m, s, job, k, &p);
-    if (!densities && !wants(job, REFRACTION_FR) && !wants(job, REFRACTION_FR_COS)) return r.stray;
+    if (!densities && !wants(job, REFRACTION_FR) && !wants(job, REFRACTION_FR_COS) && !wants(job, REFRACTION_MASKING)) return r.stray;
     if (densities || any(less(splat(0), p.zi))) r = reflected_lobe(m, s, job, &p);
     if (densities || any(p.across)) t = transmitted_lobe(m, s, job, &p);
-    return store_lobes(job, k, p.across, r, t);
+    return store_lobes(job, k, &p, r, t);
 }
 
 #define REFRACT_LOOP(ndf_)                                                                         \
@@ -235,6 +245,46 @@ INLINE mask refract(struct model m, const struct kernel_surface *s,
 REFRACT_LOOP(GGX)
 REFRACT_LOOP(BECKMANN)
 
+/*
+ * The lobe of a normal h of wo turned up: wi = -(wo + (g - c) h)/n by Snell's law, g - c = (n^2 - 1)/(g + c),
+ * and the density of facet_transmission.h over wi with |M| = |g - c|: nothing cancels, unlike M of the rounded wi.
+ */
+INLINE void choose(const struct kernel_refraction *job, const struct kernel_normals *d, size_t k)
+{
+    struct vec3 wo = load_vec3((const void *const[3]){ job->wo[0], job->wo[1], job->wo[2] }, k);
+    struct vec3 wi = load_vec3((const void *const[3]){ d->wi[0], d->wi[1], d->wi[2] }, k);
+    struct vec3 h = load_vec3((const void *const[3]){ d->h[0], d->h[1], d->h[2] }, k);
+    /* An estimated root leaves h right to 1e-4 of its length, which bending has no use for. */
+    if (REAL_IS_FLOAT) h = scaled_vec3(nmadd(splat(R(0.5)), square_of(h), splat(R(1.5))), h);
+    /* The pair that F is of: wi turned back to wo. */
+    struct sides p = sides_of(job, k);
+    wider turn = wider_choice(p.oz, -1, 0, 1, 0);
+    p.ix = wider_product(turn, wider_at(d->wi[0], k));
+    p.iy = wider_product(turn, wider_at(d->wi[1], k));
+    p.iz = wider_product(turn, wider_at(d->wi[2], k));
+    real fresnel = reflection_fresnel(job, &p), pdf = load_at(d->pdf, k), index = p.index;
+    real excess_ = select(p.below, splat(R(job->side[BELOW].excess)), splat(R(job->side[ABOVE].excess)));
+    wo = scaled_vec3(p.turn, wo);
+    real c = madd(wo.x, h.x, madd(wo.y, h.y, wo.z * h.z)), g2 = madd(c, c, excess_);
+    mask refracts = (mask)(not_less(load_at(d->u, k), fresnel) & less(splat(0), c) & less(splat(0), g2));
+    real g = real_sqrt(real_max(g2, splat(0))), bend = excess_ / select(refracts, g + c, splat(1));
+    struct vec3 bent = { madd(bend, h.x, wo.x) / -index, madd(bend, h.y, wo.y) / -index, madd(bend, h.z, wo.z) / -index };
+    store_at(d->wi[0], k, p.turn * select(refracts, bent.x, wi.x));
+    store_at(d->wi[1], k, p.turn * select(refracts, bent.y, wi.y));
+    store_at(d->wi[2], k, p.turn * select(refracts, bent.z, wi.z));
+    if (!COMPENSATED) return;
+    struct fraction t = transmittance(index, c, g);
+    real own = quotient(4 * pdf * c * t.num * index * g, select(refracts, t.den * bend * bend, splat(1)));
+    store_at(d->chosen, k, select(refracts, -own, fresnel * pdf));
+}
+
+static void choose_loop(const struct kernel_refraction *job, const struct kernel_normals *normals, size_t n)
+{
+    const struct kernel_refraction own = *job;
+    const struct kernel_normals d = *normals;
+    for (size_t k = 0; k < n; k += LANES) choose(&own, &d, k);
+}
+
 static void opposite_loop(const double *a, const double *b, double *to, size_t n)
 {
     for (size_t k = 0; k < n; k += LANES) store_at(to, k, opposite(load_at(a, k), load_at(b, k)));
@@ -251,6 +301,7 @@ static void transmittance_loop(double index, const double *c, const double *g, d
 extern const struct facet_refractions TABLE_NAME(refractions, FACET_TIER, FACET_IO, FACET_ISA);
 const struct facet_refractions TABLE_NAME(refractions, FACET_TIER, FACET_IO, FACET_ISA) = {
     .eval = {[FACET_GGX] = refract_GGX, [FACET_BECKMANN] = refract_BECKMANN},
+    .choose = choose_loop,
     .opposite = opposite_loop,
     .transmittance = transmittance_loop,
 };

@@ -25,18 +25,15 @@ struct kernel_side {
 };
 
 /*
- * What there is to ask for.  Of a lobe: its density, and its share of fr cos theta_i (IMPORTANCE)
- * over it, 0 on the wrong side; all four or none.  D and what follows are of the normal that
- * refracts wo into wi (0 where there is none) and of wo and wi turned up; all or none.
+ * What there is to ask for.  D and what follows are of the normal that refracts wo into wi (0 where
+ * there is none) and of wo and wi turned up; all or none.
  */
 enum refraction_output {
     REFRACTION_FR,
     REFRACTION_FR_COS,
     REFRACTION_PDF,
-    REFRACTION_REFLECTED_PDF,
-    REFRACTION_REFLECTED_WEIGHT,
-    REFRACTION_TRANSMITTED_PDF,
-    REFRACTION_TRANSMITTED_WEIGHT,
+    REFRACTION_WEIGHT,  /* fr cos theta_i / pdf */
+    REFRACTION_MASKING, /* W, across */
     REFRACTION_FRESNEL, /* of the reflection */
     REFRACTION_D,
     REFRACTION_F,
@@ -52,7 +49,16 @@ struct kernel_refraction {
     double eta;
     struct kernel_side side[SIDES];
     bool is_correlated;
+    /* Of samples: density of the lobe that was chosen, negative where it is the transmitted one; NULL: of wi as it is. */
+    const double *chosen;
     double *out[REFRACTION_OUTPUT_COUNT]; /* NULL: not computed */
+};
+
+/* Visible normals h of wo turned up with their D(h)/(4 sigma(wo)), and what reflects there, turned up with wo. */
+struct kernel_normals {
+    const double *h[3], *pdf, *u; /* u: reflects where it is below F */
+    double *wi[3];                /* in: as reflected; out: of the lobe that was chosen, turned back */
+    double *chosen;               /* as kernel_refraction's; precise alone */
 };
 
 /* n is a multiple of KERNEL_LANES.  True if some result is not a number, as kernel_eval_fn. */
@@ -61,6 +67,8 @@ typedef bool kernel_refract_fn(const struct kernel_surface *surface,
 
 struct facet_refractions {
     kernel_refract_fn *eval[FACET_NDF_COUNT];
+    /* Reads wo and the sides of the job. */
+    void (*choose)(const struct kernel_refraction *job, const struct kernel_normals *normals, size_t n);
     /* Gamma(1 + a) Gamma(1 + b) / Gamma(1 + a + b) (opposite.h). */
     void (*opposite)(const double *a, const double *b, double *to, size_t n);
     /* 1 - F of normals with cosines c = wo.h and g = n |wi.h|. */

@@ -13,6 +13,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -286,9 +287,10 @@ struct tally {
     double above, below, cell[CELLS];
 };
 
-/* n samples: pdf and weight are those that evaluation finds at wi, no weight beyond 1. */
-static struct tally draw(const facet_bsdf *bsdf, const double wo[3], size_t n, unsigned long long seed)
+/* n samples: pdf and weight are those that evaluation finds at wi, no weight beyond 1 (and a tier's rounding). */
+static struct tally draw(const facet_bsdf *bsdf, facet_tier tier, const double wo[3], size_t n, unsigned long long seed)
 {
+    const double rounding = tier == FACET_PRECISE ? 1e-12 : 1e-3;
     enum { BATCH = 500 };
     static double u[3][BATCH], o[3][BATCH], i[3][BATCH], weight[BATCH], pdf[BATCH], fr_cos[BATCH], again[BATCH];
     struct tally tally = {.n = n};
@@ -299,15 +301,15 @@ static struct tally draw(const facet_bsdf *bsdf, const double wo[3], size_t n, u
             for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng), o[j][k] = wo[j];
         facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
         facet_samples samples = {.wi = {i[0], i[1], i[2]}, .weight = {weight}, .pdf = pdf};
-        CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH, &samples), FACET_OK);
+        CHECK_INT(facet_bsdf_sample(bsdf, tier, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH, &samples), FACET_OK);
         facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {again}}};
-        CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, to, from, BATCH, &outputs), FACET_OK);
+        CHECK_INT(facet_bsdf_eval(bsdf, tier, to, from, BATCH, &outputs), FACET_OK);
         for (int k = 0; k < BATCH; k++) {
             const double wi[3] = {i[0][k], i[1][k], i[2][k]};
             check_note("pdf", fabs(pdf[k] / again[k] - 1));
-            CHECK_REL(pdf[k], again[k], 1e-9, 0);
-            CHECK_REL(weight[k] * pdf[k], fr_cos[k], 1e-9, 1e-12);
-            CHECK(weight[k] >= 0 && weight[k] <= 1 + 1e-12);
+            CHECK_REL(pdf[k], again[k], tier == FACET_PRECISE ? 1e-9 : 0, 0);
+            CHECK_REL(weight[k] * pdf[k], fr_cos[k], fmax(1e-9, rounding), 1e-12);
+            CHECK(weight[k] >= 0 && weight[k] <= 1 + rounding);
             *(wi[2] > 0 ? &tally.above : &tally.below) += weight[k] / (double)n;
             tally.cell[cell_of(wi)]++;
         }
@@ -348,16 +350,18 @@ TEST(samples_follow_their_pdf)
         facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
         struct sums sums = integrate(bsdf, wo);
         struct shares x = shares_of(&m, bsdf, wo, 12);
-        struct tally tally = draw(bsdf, wo, n, 100 + (unsigned)t);
         bool up = wo[2] > 0;
         CHECK_REL(sums.pdf, 1, smooth[t].limit, 0);
         CHECK_REL(up ? sums.above : sums.below, x.reflected, 5e-4, 0); /* a fixed rule meets the horizon there */
         CHECK_REL(up ? sums.below : sums.above, x.transmitted, 1e-6, 0);
-        check_estimate(up ? tally.above : tally.below, x.reflected, n);
-        check_estimate(up ? tally.below : tally.above, x.transmitted, n);
-        double p = p_value(&sums, &tally);
-        check_note("-p", -p);
-        if (!(p * SMOOTH > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", p, SMOOTH);
+        for (int tier = 0; tier < FACET_TIER_COUNT; tier++) {
+            struct tally tally = draw(bsdf, (facet_tier)tier, wo, n, 100 + (unsigned)(FACET_TIER_COUNT * t + tier));
+            check_estimate(up ? tally.above : tally.below, x.reflected, n);
+            check_estimate(up ? tally.below : tally.above, x.transmitted, n);
+            double p = p_value(&sums, &tally);
+            check_note("-p", -p);
+            if (!(p * SMOOTH * FACET_TIER_COUNT > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", p, SMOOTH * FACET_TIER_COUNT);
+        }
         facet_bsdf_destroy(bsdf);
     }
 }
@@ -372,7 +376,7 @@ TEST(samples_agree_with_the_furnace)
             facet_material m = glass_of(s, v % INDICES, v, wo);
             facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
             struct shares x = shares_of(&m, bsdf, wo, 2);
-            struct tally tally = draw(bsdf, wo, n, 7 + (unsigned)(s * VIEWS + v));
+            struct tally tally = draw(bsdf, FACET_PRECISE, wo, n, 7 + (unsigned)(s * VIEWS + v));
             CHECK(fabs(tally.above + tally.below - (x.reflected + x.transmitted)) < 5 * sqrt((x.lost + 1e-3) / (double)n) + 1e-3);
             facet_bsdf_destroy(bsdf);
         }
@@ -427,13 +431,11 @@ TEST(normals_reflect_with_probability_f)
     }
 }
 
-static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
+enum { EXTREMES = 19 }; /* more than a vector */
+
+static void draw_extremes(struct rng *rng, double v[6][EXTREMES], double u[3][EXTREMES])
 {
-    enum { N = 16 };
-    double v[6][N], u[3][N], out[FACET_QUANTITY_COUNT][N], wi[3][N], weight[N], pdf[N], h[3][N];
-    facet_outputs outputs = {0};
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = out[q];
-    for (int k = 0; k < N; k++) {
+    for (int k = 0; k < EXTREMES; k++) {
         double a[3], b[3];
         draw_direction(rng, 0, a);
         draw_direction(rng, 0, b);
@@ -445,34 +447,50 @@ static void run_extreme(struct rng *rng, const facet_bsdf *bsdf)
         for (int j = 0; j < 6; j++) v[j][k] *= turn;
         for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(rng) < 0.1 ? 0 : rng_uniform(rng) < 0.1 ? nextafter(1, 0) : rng_uniform(rng);
     }
+}
+
+static void run_extreme(const facet_bsdf *bsdf, facet_tier tier, double v[6][EXTREMES], double u[3][EXTREMES])
+{
+    enum { N = EXTREMES };
+    const double rounding = tier < FACET_EXACT32 ? 2e-3 : tier == FACET_EXACT32 ? 1e-8 : 1e-12;
+    double out[FACET_QUANTITY_COUNT][N], wi[3][N], weight[N], pdf[N], h[3][N];
+    facet_outputs outputs = {0};
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = out[q];
     facet_vec3_in i = {v[0], v[1], v[2]}, o = {v[3], v[4], v[5]};
     facet_samples samples = {.wi = {wi[0], wi[1], wi[2]}, .h = {h[0], h[1], h[2]}, .weight = {weight}, .pdf = pdf};
-    CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, i, o, N, &outputs), FACET_OK);
-    CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, o, u[0], u[1], u[2], N, &samples), FACET_OK);
+    CHECK_INT(facet_bsdf_eval(bsdf, tier, i, o, N, &outputs), FACET_OK);
+    CHECK_INT(facet_bsdf_sample(bsdf, tier, FACET_SAMPLER_AUTO, o, u[0], u[1], u[2], N, &samples), FACET_OK);
     for (int k = 0; k < N; k++) {
         for (int q = 0; q < FACET_QUANTITY_COUNT; q++) CHECK(isfinite(out[q][k]) && out[q][k] >= 0);
         double size = sqrt(wi[0][k] * wi[0][k] + wi[1][k] * wi[1][k] + wi[2][k] * wi[2][k]);
-        check_note("|wi| - 1", fabs(size - 1));
-        check_note("weight - 1", weight[k] - 1);
-        CHECK(isfinite(pdf[k]) && pdf[k] >= 0 && weight[k] >= 0 && weight[k] <= 1 + 1e-12 && fabs(size - 1) < 1e-9);
+        char name[64];
+        snprintf(name, sizeof name, "%s: |wi| - 1", facet_tier_name(tier));
+        check_note(name, fabs(size - 1));
+        snprintf(name, sizeof name, "%s: weight - 1", facet_tier_name(tier));
+        check_note(name, weight[k] - 1);
+        CHECK(isfinite(pdf[k]) && pdf[k] >= 0 && weight[k] >= 0 && weight[k] <= 1 + rounding && fabs(size - 1) < fmax(1e-9, rounding));
     }
 }
 
 TEST(extremes_are_numbers)
 {
-    static const double ends[] = {1e-3, 1 - 1e-12, 1 + 1e-12, 1 + DBL_EPSILON, 1 - DBL_EPSILON / 2, 1.5, 1e3};
+    static const double ends[] = {1e-3, 1 - 1e-12, 1 + 1e-12, 1 + DBL_EPSILON, 1 - DBL_EPSILON / 2, 1e3, 0.125, 8, 63. / 64, 65. / 64, 0.7, 1.5};
+    enum { ENDS = sizeof ends / sizeof *ends };
     struct rng rng;
     size_t ran = 0, rounds = draw_count(4000);
     rng_seed(&rng, 5);
     for (size_t k = 0; k < rounds; k++) {
         facet_material m = glass(rng_uniform(&rng) < 0.5 ? FACET_GGX : FACET_BECKMANN, surfaces[0],
-                                 ends[(size_t)(rng_uniform(&rng) * 7)], rng_uniform(&rng) < 0.5 ? FACET_SMITH : FACET_SMITH_UNCORRELATED);
+                                 ends[(size_t)(rng_uniform(&rng) * ENDS)], rng_uniform(&rng) < 0.5 ? FACET_SMITH : FACET_SMITH_UNCORRELATED);
         draw_roughness(&rng, &draw_everywhere, &m.roughness);
         facet_bsdf *bsdf = NULL;
         facet_status status = facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf);
         if (status == FACET_UNSUPPORTED && m.ndf == FACET_BECKMANN) continue; /* leans too much */
         CHECK_INT(status, FACET_OK);
-        if (!status) run_extreme(&rng, bsdf), ran++;
+        double v[6][EXTREMES], u[3][EXTREMES];
+        draw_extremes(&rng, v, u);
+        for (int t = 0; t < FACET_TIER_COUNT && !status; t++) run_extreme(bsdf, (facet_tier)t, v, u);
+        ran += !status;
         facet_bsdf_destroy(bsdf);
     }
     check_note("of all", (double)ran / (double)rounds);
