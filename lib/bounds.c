@@ -193,14 +193,14 @@ static bool float_domain(const facet_brdf *b, facet_quantity quantity)
 /*
  * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest.
  * Behind the mean facet sigma is all excess, and right to psi_error; over the azimuth it is not told there,
- * and its error is measured along few azimuths.
+ * and its error is measured between all of its nodes.
  */
 static double table_error(const facet_brdf *b, facet_quantity quantity)
 {
     if (b->material.ndf != FACET_TABULATED) return 0;
     const facet_slope_table *table = b->material.table;
     if (is_turned(b)) /* rounding of u and the azimuth, where it is steep */
-        return 16 * DOUBLE_ROUNDING * table->turned_gain + (quantity == FACET_D ? 0 : 6 * table->sigma_error);
+        return 16 * DOUBLE_ROUNDING * table->turned_gain + (quantity == FACET_D ? 0 : 3 * table->sigma_error);
     if (quantity == FACET_D) return 0;
     bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
     return fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);

@@ -2,7 +2,6 @@
 
 #include "fit_backscatter.h"
 #include "gauss.h"
-#include "slope_turned.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -207,11 +206,17 @@ static double mean_along(const struct fit_turn *t, double a)
 facet_roughness facet_fit_turn_roughness(const struct fit_turn *turn, facet_ndf ndf)
 {
     /* E|x| of the standard distributions: 1 (GGX), 1/sqrt(pi) (Beckmann) */
-    double unit = ndf == FACET_GGX ? 1 : 1 / sqrt(PI), alpha[4];
-    for (int k = 0; k < 4; k++) alpha[k] = mean_along(turn, PI / 4 * k) / unit;
-    struct slope_spread f =
-        facet_slope_spread(alpha); /* alpha^2 along an axis is a quadratic form */
-    double ax = sqrt(f.xx), ay = sqrt(f.yy), rho = fmax(-0.99, fmin(0.99, f.xy / (ax * ay)));
+    double unit = ndf == FACET_GGX ? 1 : 1 / sqrt(PI), square[4];
+    for (int k = 0; k < 4; k++) {
+        double mean = mean_along(turn, PI / 4 * k) / unit;
+        square[k] = mean * mean; /* alpha^2 along that axis: a quadratic form */
+    }
+    /* its three coefficients from four axes, by least squares */
+    double mean = (square[0] + square[1] + square[2] + square[3]) / 4;
+    double xx = mean + (square[0] - square[2]) / 2, yy = mean - (square[0] - square[2]) / 2;
+    double xy = (square[1] - square[3]) / 2;
+    xx = fmax(xx, 1e-3 * mean), yy = fmax(yy, 1e-3 * mean);
+    double ax = sqrt(xx), ay = sqrt(yy), rho = fmax(-0.99, fmin(0.99, xy / (ax * ay)));
     return (facet_roughness){.alpha_x = ax, .alpha_y = ay, .rho = rho};
 }
 

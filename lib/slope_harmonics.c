@@ -11,13 +11,15 @@
 
 #define PI 3.14159265358979323846
 
-/* Rings of a cell: for v below it, and for v at its start, where they are analytic in the root of
+/* Rings of a cell: for v below it, and for v in it, where they are analytic in the root of
  * the distance. */
 enum { PLAIN = 4, NEAR = 8, RINGS = PLAIN + NEAR };
 
 struct harmonics {
     const struct kernel_table *table;
     size_t cells, count, rows; /* count: of harmonics, from 0; rows: samples in half a turn, even */
+    double shift;              /* of the samples, in rows, and of v, in cells */
+    size_t stride;             /* of the cells that v is in */
     double *r;                 /* [cell][RINGS] */
     double *even, *odd; /* [cell][RINGS][count]: of P r^2 dr, by cosine and sine of 2 k azimuth */
     double *cosine, *sine; /* of 2 pi j/rows */
@@ -27,16 +29,16 @@ struct harmonics {
 static void add_ring(const struct harmonics *h, size_t ring, double u, double du)
 {
     double b = h->table->slope_scale, rest = 1 - u, r = b * u / rest;
-    double weight = rest * rest * b * du * r * r * 2 /
-                    (double)h->rows; /* P = exp(log_q) rest^4, dr = b du/rest^2 */
+    /* P = exp(log_q) rest^4, dr = b du/rest^2 */
+    double weight = rest * rest * b * du * r * r * 2 / (double)h->rows;
     double *even = h->even + ring * h->count, *odd = h->odd + ring * h->count;
     h->r[ring] = r;
-    for (size_t j = 0; j < h->rows; j++)
-        h->value[j] =
-            weight * exp(slope_sheet_at(h->table->turned_q, u, (double)j / (double)h->rows));
-    size_t half =
-        h->rows /
-        2; /* rows are even: j and rows - j share a cosine and, but for its sign, a sine */
+    for (size_t j = 0; j < h->rows; j++) {
+        double azimuth = ((double)j + h->shift) / (double)h->rows;
+        h->value[j] = weight * exp(slope_sheet_at(h->table->turned_q, u, azimuth));
+    }
+    /* j and rows - j share a cosine and, but for its sign, a sine */
+    size_t half = h->rows / 2;
     for (size_t j = 1; j < half; j++) {
         double before = h->value[j], after = h->value[h->rows - j];
         h->value[j] = before + after;
@@ -63,9 +65,10 @@ static void add_rings(const struct harmonics *h)
     for (size_t i = 0; i < h->cells; i++) {
         for (size_t k = 0; k < PLAIN; k++)
             add_ring(h, i * RINGS + k, ((double)i + node[k]) * step, weight[k] * step);
-        for (size_t k = 0; k < NEAR; k++)
-            add_ring(h, i * RINGS + PLAIN + k, ((double)i + root[k] * root[k]) * step,
-                     near[k] * 2 * root[k] * step);
+        for (size_t k = 0; k < NEAR && i % h->stride == 0; k++)
+            add_ring(h, i * RINGS + PLAIN + k,
+                     ((double)i + h->shift + (1 - h->shift) * root[k] * root[k]) * step,
+                     near[k] * 2 * root[k] * (1 - h->shift) * step);
     }
 }
 
@@ -112,8 +115,9 @@ static void fill(const struct harmonics *h, double *even, double *odd, double *p
         psi[j * (h->cells + 1) + h->cells] = 0;
     }
     add_rings(h);
-    for (size_t i = 0; i < h->cells; i++) {
-        double u = (double)i / (double)h->cells, v = h->table->slope_scale * u / (1 - u);
+    for (size_t i = 0; i < h->cells; i += h->stride) {
+        double u = ((double)i + h->shift) / (double)h->cells,
+               v = h->table->slope_scale * u / (1 - u);
         for (size_t k = 0; k < h->count; k++) even[k] = odd[k] = 0;
         for (size_t k = 0; k < NEAR; k++) add_seen(h, i * RINGS + PLAIN + k, v, even, odd);
         for (size_t cell = i + 1; cell < h->cells; cell++)
@@ -122,12 +126,14 @@ static void fill(const struct harmonics *h, double *even, double *odd, double *p
     }
 }
 
-facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t finer,
-                                  double *psi)
+facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
+                                  bool is_check, double *psi)
 {
-    struct harmonics h = {.table = table, .cells = cells, .rows = finer * table->turned_q.turns};
-    h.count =
-        (h.rows - 1) / 4 + 1; /* half of what the samples tell: the others are their aliases' */
+    struct harmonics h = {.table = table, .cells = cells, .rows = rows};
+    h.shift = is_check ? 0.5 : 0;
+    h.stride = is_check ? SLOPE_CHECK_STRIDE : 1;
+    /* Half of what samples tell, the others being their aliases'; a check takes all. */
+    h.count = (rows - 1) / (is_check ? 2 : 4) + 1;
     size_t rings = cells * RINGS;
     double *room = malloc((rings * (1 + 2 * h.count) + 3 * h.rows + 2 * h.count) * sizeof *room);
     if (!room) return FACET_NO_MEMORY;
@@ -140,4 +146,16 @@ facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells
     fill(&h, h.value + h.rows, h.value + h.rows + h.count, psi);
     free(room);
     return FACET_OK;
+}
+
+/* P = scale^4 exp(log_q(1)) / r^4 there. */
+double facet_slope_psi_limit(const struct kernel_table *table, double azimuth)
+{
+    enum { POINTS = 256 };
+    double b = table->slope_scale, sum = 0;
+    for (int k = 0; k < POINTS; k++) {
+        double t = (k + 0.5) / POINTS - 0.5, at = azimuth + t, c = cos(PI * t);
+        sum += exp(slope_sheet_at(table->turned_q, 1, at - floor(at))) * c * c;
+    }
+    return b * b * b * b / 2 * sum * PI / POINTS;
 }

@@ -13,14 +13,13 @@
  * degree 7. */
 #define TURNS_FINE 128
 #define PATCHES_MAX 65536
-/* sigma is tabulated at so many cells along u, and so many times the azimuths. */
-#define PSI_CELLS 96
+/* sigma is tabulated at so many cells along u and more, those of the table cut up where they are
+ * fewer than the most, and so many times the azimuths. */
+#define PSI_CELLS 64
+#define PSI_CELLS_MAX 192
+/* Twice as many, where its error is larger. */
+#define SIGMA_ERROR 2e-7
 #define PSI_FINER 2
-/* And measured at so many, none of them a node but the first, by so many points on lines, along so
- * many azimuths. */
-#define CHECK_CELLS 37
-#define CHECK_POINTS 192
-#define CHECK_ROWS 4
 /* Below this share of the scale it counts as 0: it is in front of the surface alone that it is
  * told. */
 #define PSI_LEAST 1e-13
@@ -32,6 +31,7 @@
 struct sizes {
     size_t n, turns;
     size_t parts, turn_parts; /* of log_q's sheet; sigma's has PSI_FINER times as many azimuths */
+    size_t psi_cells, psi_cells_most;
 };
 
 static struct sizes sizes_of(const double *y, size_t n, size_t turns)
@@ -45,6 +45,8 @@ static struct sizes sizes_of(const double *y, size_t n, size_t turns)
     s.turn_parts = (TURNS_FINE + turns - 1) / turns;
     while (s.turn_parts > 1 && s.turn_parts * turns * s.parts * (n - 1) > PATCHES_MAX)
         s.turn_parts--;
+    s.psi_cells = n - 1 < PSI_CELLS_MAX ? (PSI_CELLS + n - 2) / (n - 1) * (n - 1) : PSI_CELLS_MAX;
+    s.psi_cells_most = 2 * s.psi_cells <= PSI_CELLS_MAX ? 2 * s.psi_cells : s.psi_cells;
     return s;
 }
 
@@ -65,46 +67,49 @@ static facet_status tabulate_q(const double *y, const struct sizes *s, double *c
     return status;
 }
 
-/* log_psi from psi at u = i/PSI_CELLS along one azimuth; first: its derivative at v = 0, where that
- * of psi is -1/2, per cell. */
-static void take_logarithms(const struct kernel_table *view, double azimuth, double *y,
-                            double *first)
+/* log_psi from psi at u = i/cells along one azimuth; first: its derivative at v = 0, where that of
+ * psi is -1/2, per cell. */
+static void take_logarithms(const struct kernel_table *view, double azimuth, size_t cells,
+                            double *y, double *first)
 {
     double b = view->slope_scale;
-    for (size_t i = 0; i < PSI_CELLS; i++) y[i] = y[i] / (b * (1 - (double)i / PSI_CELLS));
-    y[PSI_CELLS] = facet_slope_psi_limit(view, azimuth) / (b * b);
-    for (size_t i = 0; i <= PSI_CELLS; i++) y[i] = log(fmax(y[i], PSI_LEAST));
-    *first = (1 - exp(-y[0]) / 2) / PSI_CELLS;
+    for (size_t i = 0; i < cells; i++) y[i] = y[i] / (b * (1 - (double)i / (double)cells));
+    y[cells] = facet_slope_psi_limit(view, azimuth) / (b * b);
+    for (size_t i = 0; i <= cells; i++) y[i] = log(fmax(y[i], PSI_LEAST));
+    *first = (1 - exp(-y[0]) / 2) / (double)cells;
 }
 
-/* Between the rows and the nodes, against a quadrature that shares nothing with the one that made
- * them. */
-static void measure_psi(facet_slope_table *table, struct slope_spread spread)
+/* Between the rows and the nodes, where it is interpolated.  y: room for the rows. */
+static facet_status measure_psi(facet_slope_table *table, double *y)
 {
-    double exact[CHECK_CELLS + 1], b = table->view.slope_scale;
-    size_t rows = table->view.turned_psi.turns;
-    for (size_t row = 0; row < CHECK_ROWS; row++) {
-        double azimuth = ((double)(row * rows / CHECK_ROWS) + 0.5) / (double)rows;
-        facet_slope_psi(&table->view, spread, azimuth, CHECK_CELLS, CHECK_POINTS, exact);
-        for (size_t i = 0; i < CHECK_CELLS; i++) {
-            double u = (double)i / CHECK_CELLS, w = 1 - u, x = exact[i] / b; /* S = 1, |c| = u/w */
-            double error = fabs(w * exp(slope_sheet_at(table->view.turned_psi, u, azimuth)) - x);
+    struct kernel_sheet sheet = table->view.turned_psi;
+    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, y);
+    table->sigma_error = 0;
+    for (size_t j = 0; j < sheet.turns && !status; j++) {
+        double azimuth = ((double)j + 0.5) / (double)sheet.turns;
+        for (size_t i = 0; i < sheet.cells; i += SLOPE_CHECK_STRIDE) {
+            double u = ((double)i + 0.5) / (double)sheet.cells, w = 1 - u;
+            double x =
+                y[j * (sheet.cells + 1) + i] / table->view.slope_scale; /* S = 1, |c| = u/w */
+            double error = fabs(w * exp(slope_sheet_at(sheet, u, azimuth)) - x);
             table->sigma_error = fmax(table->sigma_error, error / (u / w + x));
         }
     }
+    return status;
 }
 
-static facet_status fill_psi(facet_slope_table *table, const struct slope_sums *sums, double *c)
+static facet_status fill_psi(facet_slope_table *table, size_t cells, double *c)
 {
     size_t rows = PSI_FINER * table->view.turned_q.turns;
-    double *y = malloc((PSI_CELLS + 2) * rows * sizeof *y), *first = y + (PSI_CELLS + 1) * rows;
+    double *y = malloc((cells + 2) * rows * sizeof *y), *first = y + (cells + 1) * rows;
     if (!y) return FACET_NO_MEMORY;
-    facet_status status = facet_slope_psi_rows(&table->view, PSI_CELLS, PSI_FINER, y);
+    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, false, y);
     for (size_t j = 0; j < rows && !status; j++)
-        take_logarithms(&table->view, (double)j / (double)rows, y + j * (PSI_CELLS + 1), &first[j]);
-    if (!status) status = facet_slope_sheet(y, PSI_CELLS + 1, rows, 1, first, c);
-    table->view.turned_psi = (struct kernel_sheet){c, PSI_CELLS, rows};
-    if (!status) measure_psi(table, facet_slope_spread(sums->mean));
+        take_logarithms(&table->view, (double)j / (double)rows, cells, y + j * (cells + 1),
+                        &first[j]);
+    if (!status) status = facet_slope_sheet(y, cells + 1, rows, 1, first, c);
+    table->view.turned_psi = (struct kernel_sheet){c, cells, rows};
+    if (!status) status = measure_psi(table, y);
     free(y);
     return status;
 }
@@ -130,8 +135,10 @@ static facet_status fill(facet_slope_table *table, const struct sizes *s, double
     if (status) return status;
     table->turned_gain = sums.gain;
     table->quantile_gain = RAY_GAIN;
-    return fill_psi(table, &sums,
-                    table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns);
+    double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
+    status = fill_psi(table, s->psi_cells, c);
+    bool again = table->sigma_error > SIGMA_ERROR && s->psi_cells_most > s->psi_cells;
+    return status || !again ? status : fill_psi(table, s->psi_cells_most, c);
 }
 
 facet_status facet_slope_table_create_turned(double scale, const double *log_d, size_t n,
@@ -147,7 +154,7 @@ facet_status facet_slope_table_create_turned(double scale, const double *log_d, 
     if (!y) return FACET_NO_MEMORY;
     facet_slope_start_nodes(scale, log_d, n, turns, y);
     struct sizes s = sizes_of(y, n, turns);
-    size_t patches = (s.parts * (n - 1) + PSI_FINER * PSI_CELLS) * s.turn_parts * turns;
+    size_t patches = (s.parts * (n - 1) + PSI_FINER * s.psi_cells_most) * s.turn_parts * turns;
     facet_slope_table *made = calloc(1, sizeof *made + 16 * patches * sizeof(double));
     facet_status status = FACET_NO_MEMORY;
     if (made) {

@@ -7,18 +7,6 @@
 
 #define PI 3.14159265358979323846
 
-struct slope_spread facet_slope_spread(const double width[4])
-{
-    double square[4];
-    for (int k = 0; k < 4; k++) square[k] = width[k] * width[k];
-    double mean = (square[0] + square[1] + square[2] + square[3]) / 4,
-           half = (square[0] - square[2]) / 2;
-    return (struct slope_spread){fmax(mean + half, 1e-3 * mean), fmax(mean - half, 1e-3 * mean),
-                                 (square[1] - square[3]) / 2};
-}
-
-/* ---- Over the plane ----------------------------------------------------------------------- */
-
 enum { POINTS_U = 4, POINTS_TURN = 3, PARTS_MAX = 64 };
 /* Variation of log_q on one part: its Gauss rules integrate exp over it to 1e-9 and 1e-8. */
 #define VARIATION_U 1.0
@@ -85,21 +73,17 @@ static void measure_gain(struct plane *p, const struct patch *patch, size_t i)
     }
 }
 
-/* What a line of one azimuth, cut into parts, adds to the integrals of P and of P r. */
-static void add_line(struct plane *p, double u0, double du, size_t parts, double azimuth,
-                     double weight)
+/* The integral of P along a line of one azimuth, cut into parts: P r dr = b^2 u (1 - u) exp(log_q)
+ * du. */
+static double along_line(const struct plane *p, double u0, double du, size_t parts, double azimuth)
 {
-    double b = p->table->slope_scale, mass = 0, moment = 0;
+    double b = p->table->slope_scale, mass = 0;
     for (size_t m = 0; m < parts * POINTS_U; m++) {
         double u = u0 + du * ((double)(m / POINTS_U) + p->node_u[m % POINTS_U]);
-        double q =
-            u * p->weight_u[m % POINTS_U] * exp(slope_sheet_at(p->table->turned_q, u, azimuth));
-        mass += (1 - u) * q; /* P r dr = b^2 u (1 - u) exp(log_q) du */
-        moment += u * q;
+        mass += u * (1 - u) * p->weight_u[m % POINTS_U] *
+                exp(slope_sheet_at(p->table->turned_q, u, azimuth));
     }
-    p->sums.mass += weight * du * b * b * mass;
-    for (int k = 0; k < 4; k++)
-        p->sums.mean[k] += weight * du * b * b * b * moment * fabs(cos(PI * (azimuth - k / 4.)));
+    return du * b * b * mass;
 }
 
 static void add_patch(struct plane *p, size_t i, size_t j)
@@ -113,8 +97,8 @@ static void add_patch(struct plane *p, size_t i, size_t j)
     for (size_t k = 0; k < patch.parts_turn * POINTS_TURN; k++) {
         double azimuth = (double)j / (double)sheet.turns +
                          da * ((double)(k / POINTS_TURN) + p->node_turn[k % POINTS_TURN]);
-        add_line(p, (double)i / (double)sheet.cells, du, patch.parts_u, azimuth,
-                 2 * PI * da * p->weight_turn[k % POINTS_TURN]);
+        p->sums.mass += 2 * PI * da * p->weight_turn[k % POINTS_TURN] *
+                        along_line(p, (double)i / (double)sheet.cells, du, patch.parts_u, azimuth);
     }
 }
 
@@ -127,6 +111,5 @@ struct slope_sums facet_slope_sums(const struct kernel_table *table)
     for (size_t k = 0; k < sheet.cells * sheet.turns; k++) p.peak = fmax(p.peak, sheet.c[16 * k]);
     for (size_t j = 0; j < sheet.turns; j++)
         for (size_t i = 0; i < sheet.cells; i++) add_patch(&p, i, j);
-    for (int k = 0; k < 4; k++) p.sums.mean[k] /= p.sums.mass;
     return p.sums;
 }

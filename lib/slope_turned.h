@@ -8,16 +8,8 @@
 #include "facet.h"
 #include "kernel/kernels.h"
 
-/* The quadratic form that is nearest the squares of these widths along four axes, 45 degrees apart.
- */
-struct slope_spread {
-    double xx, yy, xy;
-};
-struct slope_spread facet_slope_spread(const double width[4]);
-
 struct slope_sums {
-    double mass;    /* integral of P, which need not be 1 */
-    double mean[4]; /* of |component of the slope|, along those axes */
+    double mass; /* integral of P, which need not be 1 */
     double gain; /* largest derivative of log D by log tan theta or the azimuth, down to FACET_FLOOR
                     of its peak */
 };
@@ -25,20 +17,17 @@ struct slope_sums facet_slope_sums(const struct kernel_table *table);
 
 /*
  * psi(v) = E[max(x - v, 0)] of the component x along an azimuth, at v = scale u/(1 - u), u =
- * i/cells, i <= cells. Along `finer` times as many azimuths as the table's own sheet has, a row of
- * cells + 1 each; right to rounding of the largest.
+ * i/cells, i <= cells: rows (even) of cells + 1, row j along the azimuth pi j/rows; right to
+ * rounding of the largest.  Best where the table's cells are cut by these.  is_check: between
+ * those, at u = (i + 1/2)/cells, i = 0, SLOPE_CHECK_STRIDE .., azimuth pi (j + 1/2)/rows, from
+ * samples there and all their harmonics, so that it errs otherwise.
  */
-facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t finer,
-                                  double *psi);
+facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
+                                  bool is_check, double *psi);
 
-/* The same along one azimuth (in units of pi), with a density by `points` points on lines across,
- * suited to the spread. */
-void facet_slope_psi(const struct kernel_table *table, struct slope_spread spread, double azimuth,
-                     size_t cells, size_t points, double *psi);
+enum { SLOPE_CHECK_STRIDE = 3 };
 
-/* v psi(v) for v to infinity. */
+/* v psi(v) for v to infinity; azimuth in units of pi. */
 double facet_slope_psi_limit(const struct kernel_table *table, double azimuth);
-
-enum { SLOPE_POINTS_MAX = 192 };
 
 #endif

@@ -249,7 +249,7 @@ static void check_sigma(const facet_slope_table *table, double scale)
                        (edge < 1 ? visible(brdf, scale, c, s, psi, edge, 1) : 0);
         check_note("of the bound", fabs(sigma / exact - 1) / (bound + 3e-8));
         CHECK_REL(sigma, exact, bound + 3e-8, 0);
-        if (v == 0) CHECK_REL(exact, 1, 3e-8, 0);
+        if (v == 0) CHECK_REL(exact, 1, 1e-7, 0); /* asked: 1e-6 */
     }
     facet_brdf_destroy(brdf);
 }
@@ -261,9 +261,11 @@ TEST(sigma_is_the_integral_of_the_own_d)
         check_sigma(table, 1.5 * .2);
         facet_slope_table_destroy(table);
     }
-    facet_slope_table *table = rough_table(0);
-    check_sigma(table, .3);
-    facet_slope_table_destroy(table);
+    for (int k = 0; k < 3; k++) {
+        facet_slope_table *table = rough_table(.3 * k);
+        check_sigma(table, .3);
+        facet_slope_table_destroy(table);
+    }
 }
 
 /* ---- Samples ----------------------------------------------------------------------------------

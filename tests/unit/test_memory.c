@@ -258,14 +258,16 @@ TEST(a_failed_allocation_in_a_fit)
         check_note("allocations", (double)n);
 }
 
-/* Both sides of a surface. */
-TEST(a_failed_allocation_in_transmission)
+/* Both sides of a surface; slopes over the azimuth, and what samples need of them. */
+TEST(a_failed_allocation_in_what_few_materials_have)
 {
     static const char *const requests[][2] = {
         {"/v1/albedo", "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
                        "\"wo\":[[0,0,1],[0,0.6,-0.8]],\"tolerance\":0.01}"},
         {"/v1/sample", "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
                        "\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"u_lobe\":[0.5],\"outputs\":[\"wi\"]}"},
+        {"/v1/sample", "{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[[0,-1,-2,-3],[0,-1,-2,-4],"
+                       "[0,-1,-2,-4],[0,-1,-2,-3]]}},\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"outputs\":[\"wi\"]}"},
     };
     struct answer warm = ask("GET", "/healthz", NULL);
     answer_clear(&warm);
