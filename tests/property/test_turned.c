@@ -65,7 +65,8 @@ static facet_brdf *surface(facet_ndf ndf, const facet_slope_table *table, facet_
     return brdf;
 }
 
-static const facet_roughness ellipse = {.4, .1, .5, 0, 0}, even = {1, 1, 0, 0, 0};
+static const facet_roughness ellipse = {.alpha_x = .4, .alpha_y = .1, .rho = .5},
+                              even = {.alpha_x = 1, .alpha_y = 1};
 
 enum { PAIRS = 4000 };
 struct pairs {
@@ -444,7 +445,7 @@ TEST(what_is_no_table_is_refused)
     log_d[2][3] = 0;
     CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, &table), FACET_OK);
     facet_material m = {.ndf = FACET_TABULATED,
-                        .roughness = {1, 1, 0, .1, 0},
+                        .roughness = {.alpha_x = 1, .alpha_y = 1, .slope_x = .1},
                         .table = table,
                         .fresnel = {.channels = 1}};
     facet_brdf *brdf;

@@ -330,8 +330,8 @@ TEST(a_table_over_the_azimuth_has_the_albedo_of_its_source)
             log_d[j][i] = i == N - 1 ? -2 * log(k) : 2 * log((1 + r * r) / (1 + r * r * k));
         }
     }
-    facet_material m[2] = {{.ndf = FACET_TABULATED, .roughness = {1, 1, 0, 0, 0}},
-                           {.ndf = FACET_GGX, .roughness = {ax, ay, rho, 0, 0}}};
+    facet_material m[2] = {{.ndf = FACET_TABULATED, .roughness = {.alpha_x = 1, .alpha_y = 1}},
+                           {.ndf = FACET_GGX, .roughness = {.alpha_x = ax, .alpha_y = ay, .rho = rho}}};
     facet_slope_table *table;
     CHECK_INT(facet_slope_table_create_turned(scale, log_d[0], N, ROWS, &table), FACET_OK);
     m[0].table = table;

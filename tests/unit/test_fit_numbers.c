@@ -307,7 +307,7 @@ TEST(what_is_no_ellipse_is_told_by_rows)
             double u = i / (N - 1.), phi = PI * j / ROWS;
             log_d[j][i] = -9 * u + u * u * (.4 * cos(2 * phi) + cos(4 * phi - 1));
         }
-    facet_material material = {.ndf = FACET_TABULATED, .roughness = {.9, .4, .3, 0, 0},
+    facet_material material = {.ndf = FACET_TABULATED, .roughness = {.alpha_x = .9, .alpha_y = .4, .rho = .3},
                                .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {1, 1, 1}}};
     facet_slope_table *table = NULL;
     facet_brdf *brdf = NULL;
