@@ -47,7 +47,6 @@ bool api_open(void)
 
 void api_close(void)
 {
-    api_stream_end();
 }
 
 bool api_select_isa(const char *name)

@@ -6,15 +6,17 @@
 #include <string.h>
 
 /*
- * The last one that was closed, for the next request: too large for malloc's quick lists, and all
- * that a tiny request allocates but a few bytes.  Sanitizers see each come and go.
+ * One is there for whoever comes first: it is too large for malloc's quick lists, and all that a
+ * tiny request allocates but a few bytes.  Not of the heap, where one that lives long would keep
+ * the memory of large requests apart.  Sanitizers see each come and go.
  */
-static _Atomic(struct api_stream *) spare;
+static struct api_stream ready;
+static atomic_flag ready_is_taken = ATOMIC_FLAG_INIT;
 
 struct api_stream *api_stream_open(size_t memory_limit)
 {
-    struct api_stream *stream = atomic_exchange(&spare, NULL);
-    if (!stream) stream = malloc(sizeof *stream);
+    struct api_stream *stream =
+        SANITIZED || atomic_flag_test_and_set(&ready_is_taken) ? malloc(sizeof *stream) : &ready;
     if (!stream) return NULL;
     memset(stream, 0, offsetof(struct api_stream, problem.errors));
     api_arena_open(&stream->arena, memory_limit);
@@ -26,12 +28,10 @@ void api_stream_close(struct api_stream *stream)
 {
     if (!stream) return;
     api_arena_close(&stream->arena);
-    free(SANITIZED ? stream : atomic_exchange(&spare, stream));
-}
-
-void api_stream_end(void)
-{
-    free(atomic_exchange(&spare, NULL));
+    if (stream == &ready)
+        atomic_flag_clear(&ready_is_taken);
+    else
+        free(stream);
 }
 
 static bool has_pieces(const struct api_stream *stream)

@@ -30,7 +30,4 @@ struct api_stream *api_stream_open(size_t memory_limit);
 /* NULL is fine. */
 void api_stream_close(struct api_stream *stream);
 
-/* Frees what is kept for the next request. */
-void api_stream_end(void);
-
 #endif
