@@ -166,7 +166,8 @@ INLINE real opposite(real a, real b)
                                  [8] = 3.35462627902511838821e-4};
     real t = real_min(a, b), l = real_max(a, b), most = splat(REAL_MAX / 8);
     mask some = less(splat(0), t), finite = less(l, most);
-    l = real_min(l, most);
+    /* Lanes whose result nobody takes have cosines of any sign: logarithms are not for those. */
+    l = real_max(real_min(l, most), splat(0));
     t = real_min(real_max(t, splat(0)), most);
     real r = t + (1 + SHIFT), m = l + (1 + SHIFT), s = l + r;
     real per_r = quotient_fine(splat(1), r), per_m = quotient_fine(splat(1), m),

@@ -1,5 +1,5 @@
 /*
- * kernels.h - the only interface to the compiled kernels.
+ * kernels.h - the only interface to the compiled kernels, with refraction.h for rough dielectrics.
  *
  * kernel.c and sampler.c are compiled once per (tier, io, isa) and export one
  * table each; everything else in them is static, and they call nothing.
