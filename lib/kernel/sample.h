@@ -68,10 +68,16 @@ INLINE struct share cap_share(const struct kernel_surface *s, struct vec3 wo)
                            select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0)) };
 }
 
+/* K c + r, or it over r: above 0 of every wo of length 1, a cap of no height of others. */
+INLINE real cap_height(struct share share, real c, real r)
+{
+    return real_max(madd(share.kept, c, r), splat(0));
+}
+
 /* pdf = D / this: 2 (K c + r), which is 4 sigma_o where K = 1. */
 INLINE real cap_area(struct share share, struct direction o)
 {
-    return select(less(splat(0), o.c), 2 * madd(share.kept, o.c, ggx_length(o)), 4 * ggx_sigma(o));
+    return select(less(splat(0), o.c), 2 * cap_height(share, o.c, ggx_length(o)), 4 * ggx_sigma(o));
 }
 
 /*
@@ -91,7 +97,7 @@ INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction
     if (bounded) {
         real k = o.c * inverse;
         lift = share.cut * k;
-        up = select(behind, up, madd(share.kept, k, splat(1)));
+        up = select(behind, up, cap_height(share, k, splat(1)));
         down = select(behind, down, lift + down);
     }
     real z = u2.rest * up, radius2 = u2.u * up * (down + z), radius = root_from_zero(radius2);

@@ -172,6 +172,44 @@ TEST(samples_stay_finite)
     }
 }
 
+/* wo should be of length 1; of any other length nothing is promised but numbers. */
+TEST(samples_of_any_length_are_numbers)
+{
+    static const double lengths[] = {0, 1e-30, 1e-3, 0.5, 0.999, 1.001, 2, 30};
+    enum { LENGTHS = sizeof lengths / sizeof *lengths };
+    struct rng rng;
+    rng_seed(&rng, 23);
+    for (size_t round = draw_count(4000); round--;) {
+        facet_material m = any_material(&rng);
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
+        static double o[3][N], u1[N], u2[N], wi[3][N], h[3][N], weight[N], pdf[N], again[N];
+        if (round % 2) m.ndf = FACET_GGX, m.roughness.slope_x = m.roughness.slope_y = 0;
+        if (round % 4 == 1) m.roughness.alpha_y = m.roughness.alpha_x, m.roughness.rho = 0; /* the tighter cap */
+        for (size_t k = 0; k < N; k++) {
+            double a[3], b[3];
+            hard_pair(&rng, &m, k, a, b);
+            for (int j = 0; j < 3; j++) o[j][k] = lengths[k % LENGTHS] * b[j];
+            u1[k] = rng_uniform(&rng), u2[k] = rng_uniform(&rng);
+        }
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        for (int s = 0; brdf && s < FACET_SAMPLER_TABLE; s++) {
+            if (!facet_sampler_serves((facet_sampler)s, m.ndf)) continue;
+            facet_samples out = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
+            const facet_vec3_in wo = {o[0], o[1], o[2]}, drawn = {wi[0], wi[1], wi[2]};
+            CHECK_INT(facet_sample(brdf, tier, (facet_sampler)s, wo, u1, u2, N, &out), FACET_OK);
+            CHECK_INT(facet_pdf(brdf, tier, (facet_sampler)s, drawn, wo, N, again), FACET_OK);
+            for (size_t k = 0; k < N; k++)
+                if (isnan(wi[0][k] + wi[1][k] + wi[2][k]) || isnan(h[0][k] + h[1][k] + h[2][k]) || !(weight[k] >= 0) ||
+                    !(pdf[k] >= 0) || !(again[k] >= 0))
+                    check_fail(__FILE__, __LINE__, "%s: wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g %g, %s\n    %s\n    wo {%.17g, %.17g, %.17g} u %.17g %.17g",
+                               facet_sampler_name((facet_sampler)s), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k],
+                               weight[k], pdf[k], again[k], facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
+        }
+        facet_brdf_destroy(brdf);
+    }
+}
+
 /* What is refused is refused at creation, by its own status, and nothing is made. */
 TEST(materials_out_of_range_are_refused)
 {
