@@ -80,6 +80,7 @@ static struct kernel_surface prepare(const facet_material *m)
     struct pair det = pair_product((struct pair){ form.alpha_x, 0 }, conditional);
     /* Rounded once each. */
     long double whole = (long double)det.hi + det.lo, scaled_y = (long double)conditional.hi + conditional.lo;
+    double tilt = (double)(r->rho * (r->alpha_y / scaled_y) / r->alpha_x), inverse_y = (double)(1 / scaled_y);
     return (struct kernel_surface){
         .alpha_x = form.alpha_x,
         .rho_alpha_y = correlated.hi,
@@ -91,11 +92,12 @@ static struct kernel_surface prepare(const facet_material *m)
         .root_det = (double)sqrtl(whole),
         .peak = (double)(1 / (pi * whole)),
         .inverse_x = 1 / r->alpha_x,
-        .inverse_y = (double)(1 / scaled_y),
-        .tilt = (double)(r->rho * (r->alpha_y / scaled_y) / r->alpha_x),
+        .inverse_y = inverse_y,
+        .tilt = tilt,
         .inverse_alpha2 = (double)(1 / ((long double)r->alpha_x * r->alpha_x)),
         .slope_x = r->slope_x,
         .slope_y = r->slope_y,
+        .mean = fabs(r->slope_x) * (1 / r->alpha_x + fabs(tilt)) + fabs(r->slope_y) * inverse_y,
         .table = m->ndf == FACET_TABULATED ? &m->table->view : NULL,
     };
 }

@@ -340,7 +340,9 @@ typedef struct facet_samples {
 
 /*
  * Sample wi for wo; u1, u2 in [0, 1).  UNSUPPORTED where the sampler does not
- * serve the distribution.  By sampler:
+ * serve the distribution.  h, taken back through the sampler's CDFs, gives u again
+ * within 1e-12 (precise) or 1e-6 (fast), but for what its rounding to the arrays' type does.
+ * By sampler:
  *   CAPS     visible normals of GGX, reflected (Dupuy & Benyoub 2023); any shear.
  *   BOUNDED  the same caps without most of what would go below the horizon (Eto &
  *            Tokuyoshi 2023), by the principal axes of the ellipse; isotropic

@@ -63,6 +63,19 @@ struct drawn {
     struct array wi[3], h[3], weight[3], pdf; /* h, weight, pdf NULL: not computed */
 };
 
+/*
+ * The largest mean slope, in standard slopes, with which a normal rounded to floats returns to its u
+ * within 1e-6: that rounding is so many times larger in standard slopes.
+ */
+#define LARGEST_MEAN 4.0
+
+/* Beyond it doubles are drawn as such; arrays of floats have that rounding anyway. */
+static facet_tier drawing_tier(const struct drawn *d)
+{
+    bool exact = d->tier == FACET_FAST && d->wo[0].io == KERNEL_DOUBLE && d->method != FACET_SAMPLER_COSINE && d->surface.mean > LARGEST_MEAN;
+    return facet_batch_tier(d->brdf, exact ? FACET_EXACT32 : d->tier);
+}
+
 /* A method that a tier does not have runs in the next. */
 static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 {
@@ -72,7 +85,7 @@ static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
         *io = KERNEL_DOUBLE;
         return of_table;
     }
-    for (int t = (int)facet_batch_tier(d->brdf, d->tier); t < FACET_TIER_COUNT; t++) {
+    for (int t = (int)drawing_tier(d); t < FACET_TIER_COUNT; t++) {
         facet_kernels_nearest((facet_tier)t, d->wo[0].io, io);
         const struct facet_samplers *samplers = facet_samplers_for((facet_tier)t, *io);
         kernel_sample_fn *found = samplers->draw[d->brdf->material.ndf][d->method];
@@ -81,34 +94,66 @@ static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
     return NULL;
 }
 
-static void draw_in_place(const struct drawn *d, kernel_sample_fn *sample, size_t start, size_t n)
+/* Both say how many are to be made again, and which of the n. */
+static size_t draw_in_place(const struct drawn *d, kernel_sample_fn *sample, size_t start, size_t n, size_t again[BLOCK])
 {
-    struct kernel_job job = { .sampled_pdf = facet_array_at(d->pdf, start).data };
+    struct kernel_job job = { .sampled_pdf = facet_array_at(d->pdf, start).data, .again = again };
     for (int j = 0; j < 3; j++) {
         job.wo[j] = facet_array_at(d->wo[j], start).data;
         job.sampled_wi[j] = facet_array_at(d->wi[j], start).data;
         job.sampled_h[j] = facet_array_at(d->h[j], start).data;
         if (j < 2) job.u[j] = facet_array_at(d->u[j], start).data;
     }
-    sample(&d->surface, &job, n);
+    return sample(&d->surface, &job, n);
 }
 
-static void draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum kernel_io io, size_t start, size_t n)
+static size_t draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum kernel_io io, size_t start, size_t n,
+                          size_t again[BLOCK])
 {
     double wo[3][BLOCK], u[2][BLOCK], wi[3][BLOCK], h[3][BLOCK], pdf[BLOCK];
-    struct kernel_job job = { .sampled_pdf = d->pdf.data ? pdf : NULL };
+    struct kernel_job job = { .sampled_pdf = d->pdf.data ? pdf : NULL, .again = again };
     for (int j = 0; j < 3; j++) {
         job.wo[j] = facet_stage(facet_array_at(d->wo[j], start), io, n, j == 2, wo[j]);
         job.sampled_wi[j] = wi[j];
         job.sampled_h[j] = d->h[j].data ? h[j] : NULL;
         if (j < 2) job.u[j] = facet_stage(facet_array_at(d->u[j], start), io, n, 0.5, u[j]);
     }
-    sample(&d->surface, &job, facet_padded(n));
+    size_t count = sample(&d->surface, &job, facet_padded(n));
+    while (count && again[count - 1] >= n) count--; /* what was padded */
     for (int j = 0; j < 3; j++) {
         facet_unstage(wi[j], io, n, facet_array_at(d->wi[j], start));
         facet_unstage(h[j], io, n, facet_array_at(d->h[j], start));
     }
     facet_unstage(pdf, io, n, facet_array_at(d->pdf, start));
+    return count;
+}
+
+/* Draws after `start` again in exact32: in double, whatever the arrays are of. */
+static void redraw(const struct drawn *d, size_t start, const size_t at[BLOCK], size_t count)
+{
+    double in[5][BLOCK], out[7][BLOCK];
+    size_t none[BLOCK];
+    enum kernel_io io;
+    struct drawn again = { .brdf = d->brdf, .tier = FACET_EXACT32, .surface = d->surface, .method = d->method };
+    struct array from[5] = { d->wo[0], d->wo[1], d->wo[2], d->u[0], d->u[1] };
+    struct array to[7] = { d->wi[0], d->wi[1], d->wi[2], d->h[0], d->h[1], d->h[2], d->pdf };
+    for (int j = 0; j < 3; j++) {
+        again.wo[j] = facet_doubles(in[j]);
+        again.wi[j] = facet_doubles(out[j]);
+        if (to[3 + j].data) again.h[j] = facet_doubles(out[3 + j]);
+        if (j < 2) again.u[j] = facet_doubles(in[3 + j]);
+    }
+    if (d->pdf.data) again.pdf = facet_doubles(out[6]);
+    kernel_sample_fn *sample = find_draw(&again, &io);
+    if (!sample) return;
+    for (int j = 0; j < 5; j++) {
+        for (size_t k = 0; k < count; k++) in[j][k] = facet_array_get(from[j], start + at[k]);
+        /* Whole vectors: the last again. */
+        for (size_t k = count; k < facet_padded(count); k++) in[j][k] = in[j][count - 1];
+    }
+    draw_in_place(&again, sample, 0, facet_padded(count), none);
+    for (int j = 0; j < 7; j++)
+        for (size_t k = 0; to[j].data && k < count; k++) facet_array_put(to[j], start + at[k], out[j][k]);
 }
 
 /* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
@@ -132,6 +177,8 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     facet_status status = facet_batch_sampler(d->brdf, sampler, &d->density);
     if (status) return status;
     d->surface = d->brdf->surface;
+    /* What arrays of floats round away is not made again. */
+    if (d->wo[0].io == KERNEL_FLOAT && d->surface.mean > LARGEST_MEAN) d->surface.mean = 0;
     if (d->density == FACET_SAMPLER_TABLE) d->surface.table = &facet_table_of(d->brdf->material.ndf)->view;
     const facet_slope_table *own = d->brdf->material.table;
     bool is_turned = d->surface.table && facet_slope_table_is_turned(d->surface.table);
@@ -140,12 +187,14 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n;) {
         size_t size = n - start < BLOCK ? n - start : BLOCK;
+        size_t again[BLOCK], count;
         if (io == d->wo[0].io && size >= KERNEL_LANES) {
             size -= size % KERNEL_LANES;
-            draw_in_place(d, sample, start, size);
+            count = draw_in_place(d, sample, start, size, again);
         } else {
-            draw_staged(d, sample, io, start, size);
+            count = draw_staged(d, sample, io, start, size, again);
         }
+        if (count) redraw(d, start, again, count);
         weigh(d, start, size);
         start += size;
     }

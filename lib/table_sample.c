@@ -83,7 +83,7 @@ static struct drawn visible(const struct slope_view *view, struct viewer o, stru
 }
 
 /* One view after the other; what it needs of the table is found once where it stays the same. */
-static void draw_table(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+static size_t draw_table(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
 {
     const struct slope_pieces *pieces = &((const facet_slope_table *)f->table)->pieces;
     struct slope_view view = {.c = NAN};
@@ -93,9 +93,10 @@ static void draw_table(const struct kernel_surface *f, const struct kernel_job *
         struct drawn m = visible(&view, o, share_at(job, 0, k), share_at(job, 1, k));
         put(f, job, k, o, m, 4 * fmax(view.sigma, DBL_MIN));
     }
+    return 0;
 }
 
-static void draw_any(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+static size_t draw_any(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
 {
     const struct slope_pieces *pieces = &((const facet_slope_table *)f->table)->pieces;
     for (size_t k = 0; k < n; k++) {
@@ -104,6 +105,7 @@ static void draw_any(const struct kernel_surface *f, const struct kernel_job *jo
         struct drawn m = {radius * cos(turn), radius * sin(turn), ring.rest, exp(ring.log_q)};
         put(f, job, k, viewer_at(f, job, k), m, 0);
     }
+    return 0;
 }
 
 /* ---- Over the azimuth --------------------------------------------------------------------------- */

@@ -61,6 +61,7 @@ struct kernel_surface {
     double tilt;                         /* rho / (kappa alpha_x) */
     double inverse_alpha2;               /* isotropic */
     double slope_x, slope_y;
+    double mean;                         /* the mean slope in standard slopes, no less than its length there */
     const struct kernel_table *table;    /* FACET_TABULATED only */
     double cap_keep, cap_a2, cap_side;   /* bounded caps (sample.h): 1 - A^2, A^2 and the sign of |wo_xy| in q */
 };
@@ -113,6 +114,7 @@ struct kernel_job {
     /* Sampling: u in [0, 1), and where the samples go (h, pdf NULL: not computed). */
     const void *u[2];
     void *sampled_wi[3], *sampled_h[3], *sampled_pdf;
+    size_t *again; /* as many as there are draws */
     /* Evaluation. */
     facet_fresnel_kind kind;
     size_t channels;
@@ -126,7 +128,8 @@ struct kernel_job {
  * it again in precise.
  */
 typedef bool kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
-typedef void kernel_sample_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
+/* How many draws hang on the last bits of a float: job->again has their places, and sample.c makes them again in exact32. */
+typedef size_t kernel_sample_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
 
 struct facet_kernels {
     kernel_eval_fn

@@ -85,12 +85,14 @@ INLINE mask less(real a, real b) { return PASTE(VECTOR(cmp), _mask, )(a, b, _CMP
 /* Not less: true also of what is not a number. */
 INLINE mask not_less(real a, real b) { return PASTE(VECTOR(cmp), _mask, )(a, b, _CMP_NLT_UQ); }
 INLINE bool any(mask m) { return m != 0; }
+INLINE unsigned mask_bits(mask m) { return m; }
 /* a where m, else b. */
 INLINE real select(mask m, real a, real b) { return VECTOR(mask_blend)(m, b, a); }
 #else
 INLINE mask less(real a, real b) { return (mask)(a < b); }
 INLINE mask not_less(real a, real b) { return ~less(a, b); }
-INLINE bool any(mask m) { return VECTOR(movemask)((real)m) != 0; }
+INLINE unsigned mask_bits(mask m) { return (unsigned)VECTOR(movemask)((real)m); }
+INLINE bool any(mask m) { return mask_bits(m) != 0; }
 #if REGISTER_BYTES == 32
 INLINE real select(mask m, real a, real b) { return VECTOR(blendv)(b, a, (real)m); }
 #else
@@ -153,6 +155,13 @@ INLINE bool any(mask m)
     lane_bits all = 0;
     for (size_t k = 0; k < LANES; k++) all |= m[k];
     return all != 0;
+}
+
+INLINE unsigned mask_bits(mask m)
+{
+    unsigned bits_ = 0;
+    for (size_t k = 0; k < LANES; k++) bits_ |= (unsigned)(m[k] != 0) << k;
+    return bits_;
 }
 
 #endif

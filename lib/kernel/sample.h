@@ -17,7 +17,32 @@ struct normal {
     real x, y, z;
     real mm;       /* x^2 + y^2 + z^2, or 1 where density is that of slopes (z = 1) */
     real density;  /* D = density (hh / (mm root_det))^2; times exp(v^2) where c < 0 */
+    real margin;   /* fast: below 0 where floats lose u (below) */
 };
+
+/*
+ * What a float's rounding makes of u, |CDF(x(u)) - u|, stays below 1e-6 in fast, and is more in few
+ * places, whose draws are marked and made again in double (sample.c).  The normal is right to 1e-7
+ * of each of the terms it is the sum of: those of C + k' cancel where C is next to -k', and an azimuth
+ * about a pole hangs on the sum's last bits next to it.  In units of the squared terms that cancel,
+ * the square of what is left must pass these; each makes some 3e-7.
+ */
+#define MARKS_DRAWS (REAL_IS_FLOAT && !DRAFT)
+#define SHORTEST_SUM R(0.125)
+#define NEAREST_POLE R(4e-3)
+/* A cap that is no higher (seen from behind; bounded, of a rough surface) leaves too little of C_z. */
+#define LOWEST_CAP R(0.1)
+/* cos t where the slope across wo, tan t, is so large that the one along it is lost beside it. */
+#define FARTHEST_ACROSS R(0.1)
+/* |e - 1| from behind a V-cavity, where the first azimuths that are seen are acos 1/e. */
+#define NEAREST_EDGE R(0.02)
+
+/* Of an azimuth on a circle of this squared radius, moved by no more than `terms` squared. */
+INLINE real pole_margin(const struct kernel_surface *s, real radius2, real terms)
+{
+    const double mean2 = 4 * s->mean * s->mean; /* m_z <= 2 */
+    return radius2 - madd(terms, splat(NEAREST_POLE), splat(NEAREST_POLE * R(mean2)));
+}
 
 /* Keeps a direction that sees nothing from giving a normal of length 0. */
 #define NORMAL_MIN (REAL_IS_FLOAT ? R(1e-15) : R(1e-140))
@@ -43,10 +68,16 @@ INLINE struct share cap_share(const struct kernel_surface *s, struct vec3 wo)
                            select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0)) };
 }
 
+/* K c + r, or it over r: above 0 of every wo of length 1, a cap of no height of others. */
+INLINE real cap_height(struct share share, real c, real r)
+{
+    return real_max(madd(share.kept, c, r), splat(0));
+}
+
 /* pdf = D / this: 2 (K c + r), which is 4 sigma_o where K = 1. */
 INLINE real cap_area(struct share share, struct direction o)
 {
-    return select(less(splat(0), o.c), 2 * madd(share.kept, o.c, ggx_length(o)), 4 * ggx_sigma(o));
+    return select(less(splat(0), o.c), 2 * cap_height(share, o.c, ggx_length(o)), 4 * ggx_sigma(o));
 }
 
 /*
@@ -55,8 +86,8 @@ INLINE real cap_area(struct share share, struct direction o)
  * of C from 1 - C_z = u2 (1 + K k'_z), 1 + C_z = (1 - K k'_z) + (1 - u2)(1 + K k'_z),
  * where 1 +- k'_z, 1 - u2, 1 - K and their products are never differences.
  */
-INLINE struct normal cap_sample(struct direction o, struct share share, bool bounded, struct uniform u1,
-                                struct uniform u2)
+INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction o, struct share share, bool bounded,
+                                struct uniform u1, struct uniform u2)
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
     real large = r + real_abs(o.c), more = large * inverse, lift = splat(0);
@@ -66,29 +97,33 @@ INLINE struct normal cap_sample(struct direction o, struct share share, bool bou
     if (bounded) {
         real k = o.c * inverse;
         lift = share.cut * k;
-        up = select(behind, up, madd(share.kept, k, splat(1)));
+        up = select(behind, up, cap_height(share, k, splat(1)));
         down = select(behind, down, lift + down);
     }
-    real z = u2.rest * up, radius = root_from_zero(u2.u * up * (down + z));
+    real z = u2.rest * up, radius2 = u2.u * up * (down + z), radius = root_from_zero(radius2);
     struct sin_cos turn = sin_cos_turns(u1.u);
     real x = madd(radius, turn.cos, o.a * inverse), y = madd(radius, turn.sin, o.b * inverse);
     z = real_max(z + lift, splat(NORMAL_MIN));
-    real mm = madd(x, x, madd(y, y, z * z));
-    return (struct normal){ x, y, z, mm, splat(R(ONE_OVER_PI)) };
+    real mm = madd(x, x, madd(y, y, z * z)), flat = o.s2 * inverse * inverse;
+    const double correlated = 1 + s->alpha_x * __builtin_fabs(s->tilt); /* 1 + |rho| / kappa */
+    real margin = real_min(nmadd(flat, splat(SHORTEST_SUM), mm), pole_margin(s, radius2, R(correlated * correlated) * flat));
+    return (struct normal){ x, y, z, mm, splat(R(ONE_OVER_PI)), real_min(margin, up - LOWEST_CAP) };
 }
 
 /* ---- all normals ------------------------------------------------------------------------ */
 
 /* By D h_z (Walter et al. 2007, eqs. 28, 29, 35, 36): tan^2 theta = -log(1 - u1) or u1 / (1 - u1). */
-INLINE struct normal any_normal(enum facet_ndf ndf, struct uniform u1, struct uniform u2)
+INLINE struct normal any_normal(const struct kernel_surface *s, enum facet_ndf ndf, struct uniform u1, struct uniform u2)
 {
     struct sin_cos turn = sin_cos_turns(u2.u);
     if (ndf == FACET_GGX) {
         real radius = root_from_zero(u1.u), z = real_max(root_from_zero(u1.rest), splat(NORMAL_MIN));
-        return (struct normal){ radius * turn.cos, radius * turn.sin, z, splat(1), splat(R(ONE_OVER_PI)) };
+        return (struct normal){ radius * turn.cos, radius * turn.sin, z, splat(1), splat(R(ONE_OVER_PI)),
+                                pole_margin(s, u1.u, splat(0)) };
     }
-    real radius = root_from_zero(minus_log(u1.u, u1.rest));
-    return (struct normal){ radius * turn.cos, radius * turn.sin, splat(1), splat(1), u1.rest * R(ONE_OVER_PI) };
+    real radius2 = minus_log(u1.u, u1.rest), radius = root_from_zero(radius2);
+    return (struct normal){ radius * turn.cos, radius * turn.sin, splat(1), splat(1), u1.rest * R(ONE_OVER_PI),
+                            pole_margin(s, radius2, splat(0)) };
 }
 
 /* ---- Beckmann: slopes ---------------------------------------------------------------------- */
@@ -271,7 +306,9 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
     real behind = madd(y, y, found * (found + 2 * real_abs(view.v)));
     real exponent = select(view.back, behind, madd(y, y, x * x));
     return (struct normal){ .x = nmadd(x, to.cos, y * to.sin), .y = -madd(x, to.sin, y * to.cos), .z = splat(1), .mm = splat(1),
-                            .density = exp_minus(exponent) * R(ONE_OVER_PI) };
+                            .density = exp_minus(exponent) * R(ONE_OVER_PI),
+                            /* The rounding of v and that of its tail come to 1e-6. */
+                            .margin = select(view.back, splat(-1), zero) };
 }
 
 /* ---- GGX: slopes --------------------------------------------------------------------------- */
@@ -340,7 +377,7 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
     real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos), z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
     struct azimuth to = azimuth_of(o, side);
     real mx = nmadd(x, to.cos, y * to.sin), my = -madd(x, to.sin, y * to.cos);
-    return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)) };
+    return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)), at.sin - FARTHEST_ACROSS };
 }
 
 /* ---- V-cavities ---------------------------------------------------------------------------- */
@@ -355,11 +392,12 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
  * borrowed and both u keep their order: psi from -pi to pi, w = min(u2, 1 - u2) the area
  * beyond it, psi_0 = acos 1/e (0 for e < 1) where the other twin comes into view.
  */
-INLINE struct normal cavity_normal(enum facet_ndf ndf, struct direction o, struct uniform u1, struct uniform u2)
+INLINE struct normal cavity_normal(const struct kernel_surface *s, enum facet_ndf ndf, struct direction o, struct uniform u1,
+                                   struct uniform u2)
 {
     const real one = splat(1), zero = splat(0), most = splat(SLOPE_MAX);
     bool ggx = ndf == FACET_GGX;
-    real radius = root_from_zero(ggx ? u1.u : minus_log(u1.u, u1.rest));
+    real radius2 = ggx ? u1.u : minus_log(u1.u, u1.rest), radius = root_from_zero(radius2);
     real z = ggx ? real_max(root_from_zero(u1.rest), splat(NORMAL_MIN)) : one;
     real side = root_from_zero(o.s2), w = real_min(u2.u, u2.rest);
     real e = real_min(side * radius / real_max(real_abs(o.c) * z, splat(REAL_MIN)), most);
@@ -375,8 +413,9 @@ INLINE struct normal cavity_normal(enum facet_ndf ndf, struct direction o, struc
     real x = select(alone, half.sin, nmadd(i, cos_2, j * sin_2));
     real y = select(alone, half.cos, madd(j, cos_2, i * sin_2)) * select(less(u2.u, u2.rest), -one, one);
     struct azimuth to = azimuth_of(o, side);
+    real margin = real_min(pole_margin(s, radius2, zero), select(behind, real_abs(e - 1) - NEAREST_EDGE, one));
     return (struct normal){ radius * nmadd(y, to.sin, x * to.cos), radius * madd(x, to.sin, y * to.cos), z,
-                            one, ggx ? splat(R(ONE_OVER_PI)) : u1.rest * R(ONE_OVER_PI) };
+                            one, ggx ? splat(R(ONE_OVER_PI)) : u1.rest * R(ONE_OVER_PI), margin };
 }
 
 /* ---- reflection --------------------------------------------------------------------------- */

@@ -23,13 +23,13 @@ INLINE struct uniform load_uniform(const struct kernel_job *job, int which, size
 #endif
 }
 
-INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf, struct direction o,
-                                 struct share share, struct uniform u1, struct uniform u2)
+INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
+                                 struct direction o, struct share share, struct uniform u1, struct uniform u2)
 {
-    if (sampler == FACET_SAMPLER_NDF) return any_normal(ndf, u1, u2);
-    if (sampler == FACET_SAMPLER_VCAVITY) return cavity_normal(ndf, o, u1, u2);
+    if (sampler == FACET_SAMPLER_NDF) return any_normal(s, ndf, u1, u2);
+    if (sampler == FACET_SAMPLER_VCAVITY) return cavity_normal(s, ndf, o, u1, u2);
     if (sampler == FACET_SAMPLER_SLOPE) return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
-    return cap_sample(o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
+    return cap_sample(s, o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
 }
 
 /* pdf = D / this, never 0: of a sample at its pole, wo.h = 0 by rounding, the density saturates. */
@@ -46,7 +46,8 @@ INLINE real area_of(enum facet_sampler sampler, struct model m, const struct ker
     }
 }
 
-INLINE void draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
+/* Which of them are to be made again. */
+INLINE mask draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
                  const struct kernel_job *job, size_t k)
 {
     const struct model m = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
@@ -54,18 +55,31 @@ INLINE void draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct ke
     struct direction o = direction_of(s, KERNEL_SHEARED, wo, mean_cosine(s, wo));
     struct share share = { splat(1), splat(0) };
     if (sampler == FACET_SAMPLER_BOUNDED) share = cap_share(s, wo);
-    struct normal n = draw_normal(sampler, ndf, o, share, load_uniform(job, 0, k), load_uniform(job, 1, k));
+    struct normal n = draw_normal(sampler, ndf, s, o, share, load_uniform(job, 0, k), load_uniform(job, 1, k));
     struct reflected a = reflect_sample(s, wo, n);
     store_vec3(job->sampled_wi, k, a.wi);
     if (job->sampled_h[0]) store_vec3(job->sampled_h, k, a.h);
     if (job->sampled_pdf) store_at(job->sampled_pdf, k, ratio(a.density, area_of(sampler, m, s, o, share, &a)));
+    return less(n.margin, splat(0));
+}
+
+/* Adds the places of a vector's marked draws to job->again, which has `count`; how many it has then. */
+INLINE size_t note_marked(const struct kernel_job *job, size_t count, mask marks, size_t k)
+{
+    for (unsigned left = mask_bits(marks); left; left &= left - 1) job->again[count++] = k + (size_t)__builtin_ctz(left);
+    return count;
 }
 
 #define DRAW_LOOP(sampler, ndf)                                                                 \
-    static void draw_##sampler##_##ndf(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
+    static size_t draw_##sampler##_##ndf(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
     {                                                                                           \
         const struct kernel_surface s = *surface;                                               \
-        for (size_t k = 0; k < n; k += LANES) draw(FACET_SAMPLER_##sampler, FACET_##ndf, &s, job, k); \
+        size_t count = 0;                                                                       \
+        for (size_t k = 0; k < n; k += LANES) {                                                 \
+            mask marks = draw(FACET_SAMPLER_##sampler, FACET_##ndf, &s, job, k);                \
+            if (MARKS_DRAWS) count = note_marked(job, count, marks, k);                         \
+        }                                                                                       \
+        return count;                                                                           \
     }
 
 DRAW_LOOP(CAPS, GGX)
@@ -78,7 +92,7 @@ DRAW_LOOP(VCAVITY, GGX)
 DRAW_LOOP(VCAVITY, BECKMANN)
 
 /* Whatever the surface. */
-static void draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job, size_t n)
+static size_t draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job, size_t n)
 {
     (void)surface;
     for (size_t k = 0; k < n; k += LANES) {
@@ -96,6 +110,7 @@ static void draw_COSINE(const struct kernel_surface *surface, const struct kerne
         store_vec3(job->sampled_h, k, (struct vec3){ select(none, splat(0), h.x * inverse), select(none, splat(0), h.y * inverse),
                                                      select(none, splat(1), h.z * inverse) });
     }
+    return 0;
 }
 
 /* ---- densities ------------------------------------------------------------------------------ */

@@ -1,7 +1,7 @@
 /*
  * |CDF(x(u)) - u| of every sampler: the direction it hands out goes back through the CDF of each
- * dimension, in quadruple precision, to the u it came from: within 1e-12 (precise, all of them) and
- * 1e-6 (fast, but for a share of each sampler's that hangs on a float's last bits).
+ * dimension, in quadruple precision, to the u it came from: within 1e-12 (precise) and 1e-6 (fast), all of them; in
+ * precise, rounding h to doubles may come on top (next to the pole of a narrow sheared surface, 1e-13).
  */
 #include "check.h"
 #include "draw.h"
@@ -11,19 +11,6 @@
 #include <stdio.h>
 
 enum { N = 64 };
-
-/*
- * For each tier and sampler: what is asked, what share of draws may pass it, and what none of these may.
- * Of forty times as many, fast caps pass 1e-6 in 5e-4 (the worst by 1.9e-5), ndf in 6e-5 (9e-6) and
- * vcavity in 3e-5 (2.3e-6).
- */
-static const struct limits {
-    double asked, share, most;
-} precise_limits = {1e-12, 0, 1e-12}, fast_limits[FACET_SAMPLER_COUNT] = {
-    [FACET_SAMPLER_CAPS] = {1e-6, 1e-3, 4e-6}, [FACET_SAMPLER_BOUNDED] = {1e-6, 1e-3, 4e-6},
-    [FACET_SAMPLER_SLOPE] = {1e-6, 0, 1e-6},   [FACET_SAMPLER_NDF] = {1e-6, 1e-4, 4e-6},
-    [FACET_SAMPLER_COSINE] = {1e-6, 0, 1e-6},  [FACET_SAMPLER_VCAVITY] = {1e-6, 1e-4, 4e-6},
-};
 
 static const double alphas[] = {1e-3, 0.1, 0.4, 1, 4}, degrees[] = {0, 30, 60, 85, 89.9};
 enum { ALPHAS = sizeof alphas / sizeof *alphas, VIEWS = sizeof degrees / sizeof *degrees, SHAPES = 3 };
@@ -37,9 +24,9 @@ static facet_material material(facet_ndf ndf, int shape, double alpha)
     return m;
 }
 
-static struct limits limits_of(facet_tier tier, facet_sampler sampler)
+static double asked_of(facet_tier tier)
 {
-    return tier == FACET_PRECISE ? precise_limits : fast_limits[sampler];
+    return tier == FACET_PRECISE ? 1e-12 : 1e-6;
 }
 
 /* Which u is an azimuth, if one is: just below a whole turn is just above 0. */
@@ -55,21 +42,26 @@ static double difference(double u, quad found, bool is_azimuth)
     return is_azimuth && d > 0.5 ? fabs(1 - d) : d;
 }
 
-/*
- * The largest error, and of how many it passes what is asked: an azimuth next to its pole, the rim of a
- * cap opposite wo (where m = C + k' is short) and a slope about a mean one hang on the last bits.
- */
-struct worst {
-    double error; /* NaN as soon as one is */
-    size_t crowded;
-};
+/* By how much the u of h change where its components do by their rounding to doubles. */
+static double rounded_away(facet_sampler sampler, const facet_material *m, const double wo[3], const quad wi[3],
+                           const quad h[3], const quad found[2])
+{
+    double sum = 0;
+    for (int j = 0; j < 3; j++) {
+        quad moved[2], n[3] = {h[0], h[1], h[2]};
+        n[j] *= 1 + (quad)0x1p-53;
+        reference_uniforms(sampler, m, wo, wi, n, moved);
+        sum += fmax(fabs((double)(moved[0] - found[0])), fabs((double)(moved[1] - found[1])));
+    }
+    return sum;
+}
 
-static struct worst worst_of(const facet_material *m, facet_tier tier, facet_sampler sampler, const double wo[3],
-                             double asked, struct rng *rng)
+/* The largest error of N draws; NaN as soon as one is. */
+static double worst_of(const facet_material *m, facet_tier tier, facet_sampler sampler, const double wo[3], struct rng *rng)
 {
     static double o[3][N], u[2][N], wi[3][N], h[3][N];
     facet_brdf *brdf = NULL;
-    struct worst worst = {0, 0};
+    double worst = 0;
     for (int k = 0; k < N; k++) {
         for (int j = 0; j < 3; j++) o[j][k] = wo[j];
         for (int j = 0; j < 2; j++) u[j][k] = tier == FACET_PRECISE ? rng_uniform(rng) : (float)rng_uniform(rng);
@@ -80,54 +72,37 @@ static struct worst worst_of(const facet_material *m, facet_tier tier, facet_sam
     CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u[0], u[1], N, &s), FACET_OK);
     facet_brdf_destroy(brdf);
     for (int k = 0; k < N; k++) {
-        bool beyond = false;
         quad found[2], i[3] = {wi[0][k], wi[1][k], wi[2][k]}, n[3] = {h[0][k], h[1][k], h[2][k]};
         reference_uniforms(sampler, m, wo, i, n, found);
-        for (int j = 0; j < 2; j++) {
-            double error = difference(u[j][k], found[j], j == azimuth_of(sampler, m->ndf));
-            worst.error = check_worse(worst.error, error);
-            beyond |= !(error <= asked);
-        }
-        worst.crowded += beyond;
+        double least = tier == FACET_PRECISE ? rounded_away(sampler, m, wo, i, n, found) : 0;
+        for (int j = 0; j < 2; j++)
+            worst = check_worse(worst, difference(u[j][k], found[j], j == azimuth_of(sampler, m->ndf)) - least);
     }
     return worst;
 }
 
-/* A float's h tells slopes about the mean one apart to 6e-8 slope/alpha only. */
-static bool resolves(facet_tier tier, int shape, double alpha)
-{
-    return tier == FACET_PRECISE || shape != 2 || alpha >= 0.1;
-}
-
-/* All shapes, alphas and angles of one sampler and distribution. */
+/* All shapes, alphas and angles of one sampler and distribution, sheared from before the mean facet and from behind. */
 static void invert(facet_tier tier, facet_sampler sampler, facet_ndf ndf, size_t rounds, struct rng *rng)
 {
-    enum { GRID = SHAPES * ALPHAS * VIEWS };
-    struct limits limits = limits_of(tier, sampler);
-    size_t crowded = 0, drawn = 0;
-    char name[48], share[64];
+    enum { GRID = SHAPES * ALPHAS * VIEWS * 2 };
+    char name[48];
     snprintf(name, sizeof name, "%s/%s", ndf == FACET_GGX ? "ggx" : "beckmann", facet_sampler_name(sampler));
     for (size_t k = 0; k < rounds * GRID; k++) {
         int shape = (int)(k % SHAPES), view = (int)(k / SHAPES % VIEWS);
-        double alpha = alphas[k / SHAPES / VIEWS % ALPHAS], theta = degrees[view] * acos(-1) / 180;
-        /* Before the mean facet: its slopes rise toward azimuth -0.588. */
-        const double wo[3] = {-sin(theta) * cos(0.7), sin(theta) * sin(0.7), cos(theta)};
+        double theta = degrees[view] * acos(-1) / 180, alpha = alphas[k / SHAPES / VIEWS % ALPHAS];
+        bool behind = shape == 2 && k / (GRID / 2) % 2;
+        /* The mean slope rises toward azimuth -0.588. */
+        const double azimuth = behind ? -0.7 : acos(-1) - 0.7;
+        const double wo[3] = {sin(theta) * cos(azimuth), sin(theta) * sin(azimuth), cos(theta)};
         facet_material m = material(ndf, shape, alpha);
-        if (!resolves(tier, shape, alpha)) continue;
-        struct worst w = worst_of(&m, tier, sampler, wo, limits.asked, rng);
-        check_note(name, w.error);
-        crowded += w.crowded;
-        drawn += N;
-        if (!(w.error <= limits.most))
+        /* Where Beckmann's tail is 0 in quadruple precision its CDF has no reference. */
+        if (behind && ndf == FACET_BECKMANN && sampler == FACET_SAMPLER_SLOPE && alpha < 0.1) continue;
+        double worst = worst_of(&m, tier, sampler, wo, rng);
+        check_note(name, worst);
+        if (!(worst <= asked_of(tier)))
             check_fail(__FILE__, __LINE__, "%s %s: off by %.3g at theta %g: %s", name, facet_tier_name(tier),
-                       w.error, degrees[view], draw_text(&m));
+                       worst, degrees[view], draw_text(&m));
     }
-    snprintf(share, sizeof share, "%s beyond", name);
-    if (crowded) check_note(share, (double)crowded / (double)drawn);
-    CHECK(drawn >= rounds * GRID * N / 2);
-    double expected = limits.share * (double)drawn; /* and three deviations of such a count */
-    if (!((double)crowded <= expected + 3 * sqrt(expected)))
-        check_fail(__FILE__, __LINE__, "%s %s: %zu of %zu are beyond %g", name, facet_tier_name(tier), crowded, drawn, limits.asked);
 }
 
 static void invert_all(facet_tier tier, size_t rounds)

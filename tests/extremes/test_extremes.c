@@ -116,6 +116,21 @@ TEST(evaluation_stays_finite)
     }
 }
 
+/*
+ * Whether the model itself gives so large a weight as no double holds: the thesis's shear divides by the
+ * sigma of wi, which behind a sheared Beckmann surface is as little as exp(-v^2), or by a difference.
+ */
+static bool weight_has_no_bound(const facet_material *m, const double wi[3], const double wo[3])
+{
+    struct reference x;
+    if (m->shear != FACET_THESIS) return false;
+    if (m->masking != FACET_SMITH_UNCORRELATED) {
+        reference_eval(m, wi, wo, &x);
+        return x.condition > 1e6;
+    }
+    return wi[2] > 1e290 * reference_sigma(m, wi);
+}
+
 /* Every u of [0, 1), its ends included, gives a unit direction and a sane weight. */
 TEST(samples_stay_finite)
 {
@@ -143,11 +158,8 @@ TEST(samples_stay_finite)
         do sampler = (facet_sampler)(int)(rng_uniform(&rng) * FACET_SAMPLER_COUNT);
         while (!facet_sampler_serves(sampler, m.ndf));
         if (!facet_sample_bound(brdf, tier, sampler, 0, &bound)) bound = 1;
-        /*
-         * The densities of other than visible normals may be next to 0 where fr is not.  So may Beckmann's
-         * of the thesis's shear, drawn by name; by auto these do not, one in 10^6 does (1.7e308).
-         */
-        bool is_bounded = sampler < FACET_SAMPLER_NDF && (m.shear != FACET_THESIS || sampler == FACET_SAMPLER_AUTO || m.ndf == FACET_GGX);
+        /* The densities of other than visible normals may be next to 0 where fr is not. */
+        bool is_bounded = sampler < FACET_SAMPLER_NDF;
         facet_samples s = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
         CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
                   FACET_OK);
@@ -160,7 +172,9 @@ TEST(samples_stay_finite)
             bool sane = fabs(size - osize) < 1e-12 + 4 * bound &&
                         fabs(hsize - 1) < 1e-12 + 4 * bound &&
                         (sampler == FACET_SAMPLER_COSINE || h[2][k] >= 0) && weight[k] >= 0 &&
-                        weight[k] <= (is_bounded ? 1e300 : DBL_MAX) && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
+                        weight[k] <= DBL_MAX && pdf[k] >= 0 && !(wi[2][k] <= 0 && weight[k] != 0);
+            const double i[3] = {wi[0][k], wi[1][k], wi[2][k]}, wo[3] = {o[0][k], o[1][k], o[2][k]};
+            sane &= !is_bounded || weight[k] <= 1e300 || weight_has_no_bound(&m, i, wo);
             if (sane) continue;
             check_fail(
                 __FILE__, __LINE__,
@@ -169,6 +183,66 @@ TEST(samples_stay_finite)
                 facet_sampler_name(sampler), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k], weight[k], pdf[k],
                 facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
         }
+    }
+}
+
+/*
+ * The uncorrelated weight of the thesis's shear is z_i / sigma_i, here exp(41000): no double holds it, and it is the
+ * largest one times F.
+ */
+TEST(a_weight_without_bound_is_the_largest_number)
+{
+    facet_material m = {.ndf = FACET_BECKMANN, .masking = FACET_SMITH_UNCORRELATED, .shear = FACET_THESIS,
+                        .roughness = {4938.7212706640412, 0.54222031831995121, 0, -1e6, 0},
+                        .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 1, .f0 = {0.5}}};
+    const double o[3] = {-0.20290501415729523, 0.9791983962059021, 1.7307735689087167e-08}, u1 = 0x1p-53, u2 = 0.30092207204344767;
+    double wi[3], h[3], weight, pdf;
+    facet_samples s = {{&wi[0], &wi[1], &wi[2]}, {&h[0], &h[1], &h[2]}, {&weight, NULL, NULL}, &pdf};
+    facet_brdf *brdf = NULL;
+    CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+    for (int tier = 0; brdf && tier < FACET_TIER_COUNT; tier++) {
+        CHECK_INT(facet_sample(brdf, (facet_tier)tier, FACET_SAMPLER_AUTO, (facet_vec3_in){&o[0], &o[1], &o[2]}, &u1, &u2, 1, &s), FACET_OK);
+        CHECK(wi[2] > 0 && weight_has_no_bound(&m, wi, o));
+        CHECK(weight > 0.25 * DBL_MAX && weight <= DBL_MAX);
+    }
+    facet_brdf_destroy(brdf);
+}
+
+/* wo should be of length 1; of any other length nothing is promised but numbers. */
+TEST(samples_of_any_length_are_numbers)
+{
+    static const double lengths[] = {0, 1e-30, 1e-3, 0.5, 0.999, 1.001, 2, 30};
+    enum { LENGTHS = sizeof lengths / sizeof *lengths };
+    struct rng rng;
+    rng_seed(&rng, 23);
+    for (size_t round = draw_count(4000); round--;) {
+        facet_material m = any_material(&rng);
+        facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
+        static double o[3][N], u1[N], u2[N], wi[3][N], h[3][N], weight[N], pdf[N], again[N];
+        if (round % 2) m.ndf = FACET_GGX, m.roughness.slope_x = m.roughness.slope_y = 0;
+        if (round % 4 == 1) m.roughness.alpha_y = m.roughness.alpha_x, m.roughness.rho = 0; /* the tighter cap */
+        for (size_t k = 0; k < N; k++) {
+            double a[3], b[3];
+            hard_pair(&rng, &m, k, a, b);
+            for (int j = 0; j < 3; j++) o[j][k] = lengths[k % LENGTHS] * b[j];
+            u1[k] = rng_uniform(&rng), u2[k] = rng_uniform(&rng);
+        }
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        for (int s = 0; brdf && s < FACET_SAMPLER_TABLE; s++) {
+            if (!facet_sampler_serves((facet_sampler)s, m.ndf)) continue;
+            facet_samples out = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
+            const facet_vec3_in wo = {o[0], o[1], o[2]}, drawn = {wi[0], wi[1], wi[2]};
+            CHECK_INT(facet_sample(brdf, tier, (facet_sampler)s, wo, u1, u2, N, &out), FACET_OK);
+            CHECK_INT(facet_pdf(brdf, tier, (facet_sampler)s, drawn, wo, N, again), FACET_OK);
+            for (size_t k = 0; k < N; k++)
+                if (isnan(wi[0][k] + wi[1][k] + wi[2][k]) || isnan(h[0][k] + h[1][k] + h[2][k]) || !(weight[k] >= 0) ||
+                    !(pdf[k] >= 0) || !(again[k] >= 0))
+                    check_fail(__FILE__, __LINE__, "%s: wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g %g, %s\n    %s\n    wo {%.17g, %.17g, %.17g} u %.17g %.17g",
+                               facet_sampler_name((facet_sampler)s), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k],
+                               weight[k], pdf[k], again[k], facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
+        }
+        facet_brdf_destroy(brdf);
     }
 }
 
