@@ -123,7 +123,7 @@ static struct drawn turned(const struct slope_ray_view *view, const struct kerne
     return (struct drawn){radius * cos(p.azimuth), radius * sin(p.azimuth), 1 - p.u, p.q};
 }
 
-static void draw_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+static size_t draw_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
 {
     const struct slope_rays *rays = facet_slope_table_rays((const facet_slope_table *)f->table);
     struct slope_ray_view view = {.c = NAN};
@@ -138,13 +138,15 @@ static void draw_turned(const struct kernel_surface *f, const struct kernel_job 
             facet_slope_ray_view(f->table, rays, o.c, o.s, azimuth, &view);
         put(f, job, k, o, turned(&view, job, k), 4 * turned_sigma(f->table, o, azimuth - floor(azimuth)));
     }
+    return 0;
 }
 
-static void draw_any_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+static size_t draw_any_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
 {
     struct slope_ray_view view;
     facet_slope_ray_view(f->table, facet_slope_table_rays((const facet_slope_table *)f->table), 1, 0, 0, &view);
     for (size_t k = 0; k < n; k++) put(f, job, k, viewer_at(f, job, k), turned(&view, job, k), 0);
+    return 0;
 }
 
 kernel_sample_fn *facet_table_draw(facet_sampler sampler, bool is_turned)
