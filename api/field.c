@@ -87,11 +87,11 @@ static bool decode_integer(const json_t *json, const struct field *field, int64_
 {
     double x = 0;
     if (!decode_number(json, field, &x, place, decoder)) return false;
-    if (x != floor(x) || fabs(x) > 0x1p53)
-        return api_problem_at(decoder->problem, place, "%.17g is not an integer of up to 53 bits",
-                              x);
-    *out = (int64_t)x;
-    return true;
+    *out = (int64_t)fmax(-0x1p53, fmin(x, 0x1p53));
+    if (x == floor(x) && fabs(x) <= 0x1p53) return true;
+    char value[NUMBER_ROOM];
+    api_number_print(value, x);
+    return api_problem_at(decoder->problem, place, "%s is not an integer of up to 53 bits", value);
 }
 
 static int index_of(const char *name, const char *const *names)

@@ -44,8 +44,12 @@ static bool check_table(void *object, const struct place *place, struct decoder 
     struct place nodes = {place, "cos_theta_d", 0}, values = {place, "values", 0};
     for (size_t i = 1; i < table->cos_theta_d.count; i++) {
         struct place at = {&nodes, NULL, i};
-        if (!(table->cos_theta_d.values[i] > table->cos_theta_d.values[i - 1]))
-            return api_problem_at(decoder->problem, &at, "must be larger than its predecessor");
+        const double *node = table->cos_theta_d.values + i;
+        char value[NUMBER_ROOM], last[NUMBER_ROOM];
+        if (node[0] > node[-1]) continue;
+        api_number_print(value, node[0]);
+        api_number_print(last, node[-1]);
+        return api_problem_at(decoder->problem, &at, "%s must be larger than its predecessor %s", value, last);
     }
     if (table->values.columns != 1 && table->values.columns != 3)
         return api_problem_at(decoder->problem, &values, "must hold numbers or [r,g,b]");

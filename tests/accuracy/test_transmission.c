@@ -193,7 +193,7 @@ TEST(tails_are_there)
     rng_seed(&rng, 21);
     for (size_t k = 0; k < n; k++) {
         double alpha = 0.03 + 0.2 * rng_uniform(&rng);
-        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {alpha, alpha, 0, 0, 0},
+        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {.alpha_x = alpha, .alpha_y = alpha},
                             .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1, .eta = {1.03 + 0.1 * rng_uniform(&rng)}}};
         facet_bsdf *bsdf = NULL;
         CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_OK);

@@ -159,6 +159,7 @@ TEST(errors_name_pointer_and_range)
     check_error("{\"open\":0}", "/open 0 is outside (0, 1)");
     check_error("{\"n\":10000000}", "/n 1e7 is outside [1, 2097152]");
     check_error("{\"n\":1.5}", "/n 1.5 is not an integer of up to 53 bits");
+    check_error("{\"n\":1.1}", "/n 1.1 is not an integer of up to 53 bits");
     check_error("{\"alpha\":\"NaN\"}", "/alpha must be a number, not a string");
     check_error("{\"alpha\":null}", "/alpha must be a number, not null");
     check_error("{\"flag\":1}", "/flag must be true or false, not a number");

@@ -79,7 +79,7 @@ TEST(a_failed_allocation_is_an_answer)
     for (size_t i = 0; api_endpoint(i); i++) {
         long n = 0;
         while (n < 5000 && fail_at(api_endpoint(i), n, false)) n++;
-        CHECK(n > 1);
+        CHECK(n > 0); /* one of a tiny answer, whose stream is a spare one */
         check_note("allocations", (double)n);
         for (n = 0; n < 5000 && fail_at(api_endpoint(i), n, true); n += 1 + n / 8) continue;
     }
