@@ -193,7 +193,7 @@ TEST(samples_stay_finite)
 TEST(a_weight_without_bound_is_the_largest_number)
 {
     facet_material m = {.ndf = FACET_BECKMANN, .masking = FACET_SMITH_UNCORRELATED, .shear = FACET_THESIS,
-                        .roughness = {4938.7212706640412, 0.54222031831995121, 0, -1e6, 0},
+                        .roughness = {.alpha_x = 4938.7212706640412, .alpha_y = 0.54222031831995121, .slope_x = -1e6},
                         .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 1, .f0 = {0.5}}};
     const double o[3] = {-0.20290501415729523, 0.9791983962059021, 1.7307735689087167e-08}, u1 = 0x1p-53, u2 = 0.30092207204344767;
     double wi[3], h[3], weight, pdf;
