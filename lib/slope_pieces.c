@@ -161,14 +161,13 @@ double facet_slope_pieces_far(const struct slope_pieces *pieces, size_t p, doubl
     return psi.value;
 }
 
-/* Rings of one piece from u = a on, near r = v: in y = sqrt(u - u_v) the ring term is analytic. */
+/* Rings of one piece near r = v, stretch by stretch (slope_ring.h). */
 static void add_near(struct psi *psi, const struct slope_pieces *pieces, size_t p, double v)
 {
     const struct slope_piece *piece = &pieces->piece[p];
     double b = pieces->scale, uv = v / (b + v), a = fmax(piece->u0, uv);
     while (a < piece->u1) {
-        double ra = ring_slope(b, a), end = fmin(2 * ra / (b + 2 * ra), piece->u1);
-        if (piece->u1 == 1 && a > uv) end = 1;
+        double end = ring_stretch(b, uv, piece->u1, a, piece->u1);
         if (!(end > a)) break;
         double y0 = sqrt(a - uv), y1 = sqrt(end - uv);
         for (size_t i = 0; i < PIECE_POINTS; i++) {

@@ -35,8 +35,8 @@ static double mass_between(const struct slope_pieces *pieces, size_t p, double a
 }
 
 /*
- * From u = a >= uv to e within piece p.  In y = sqrt(u - u_v) the area is analytic, on
- * stretches over which r at most doubles; beyond FAR v it is linear in r to rounding.
+ * From u = a >= uv to e within piece p, stretch by stretch (slope_ring.h); beyond FAR v the area is
+ * linear in r to rounding.
  */
 #define FAR 0x1p25
 
@@ -45,9 +45,8 @@ static double area_between(const struct slope_view *view, size_t p, double a, do
     const struct slope_pieces *pieces = view->pieces;
     double b = pieces->scale, sum = 0;
     while (a < e) {
-        double ra = ring_slope(b, a), end = fmin(2 * ra / (b + 2 * ra), e);
-        bool straight = ra >= FAR * view->v || (pieces->piece[p].u1 == 1 && a > view->uv);
-        if (!(end > a) || straight) end = e;
+        double end = ring_stretch(b, view->uv, pieces->piece[p].u1, a, e);
+        if (!(end > a) || ring_slope(b, a) >= FAR * view->v) end = e;
         double y0 = sqrt(a - view->uv), y1 = sqrt(end - view->uv), part = 0;
         for (size_t i = 0; i < PIECE_POINTS; i++) {
             double y = y0 + (y1 - y0) * pieces->node[i];

@@ -49,4 +49,15 @@ static inline struct ring ring_seen(double r, double rest)
     return (struct ring){r * bracket / RING_PI, -t / RING_PI};
 }
 
+/*
+ * Next to r = v, at u = uv, the rings of a piece that ends at u1 are analytic in y = sqrt(u - uv) on
+ * stretches over which r at most doubles: where that from a on ends, no later than `last`.  A piece
+ * that goes on to infinity is smooth from the second on.
+ */
+static inline double ring_stretch(double scale, double uv, double u1, double a, double last)
+{
+    double r = ring_slope(scale, a);
+    return u1 == 1 && a > uv ? last : fmin(2 * r / (scale + 2 * r), last);
+}
+
 #endif

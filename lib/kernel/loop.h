@@ -110,10 +110,12 @@ INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, c
 #define SHORTEST2 R(0x1p-20)
 #define LARGEST R(1e24)
 #define LEAST_COSINE 0x1p-28
+#define LEAST_ROUNDED R(1e-37) /* above FLT_MIN: a double that is no less keeps its digits as a float */
 #else
 #define SHORTEST2 R(1e-60)
 #define LARGEST R(1e250)
 #define LEAST_COSINE 0x1p-16
+#define LEAST_ROUNDED R(0) /* doubles are not rounded */
 #endif
 
 /*
@@ -126,7 +128,7 @@ INLINE real margin(struct model m, const struct kernel_surface *s, const struct 
 {
     real least = t->h.hh - SHORTEST2;
     /* What was a cosine may have become 0. */
-    if (ROUNDS_INPUT) least = real_min(least, real_min(real_abs(t->i.z), real_abs(t->o.z)) - R(1e-37));
+    if (ROUNDS_INPUT) least = real_min(least, real_min(real_abs(t->i.z), real_abs(t->o.z)) - LEAST_ROUNDED);
     if (m.shape == KERNEL_SHEARED) {
         real least_z = real_min(t->i.z, t->o.z), c = real_abs(t->o.c);
         if (q == KERNEL_FR && m.masking == KERNEL_SMITH && REAL_IS_FLOAT)

@@ -370,6 +370,9 @@ INLINE real quantity_weight(struct model m, const struct kernel_surface *s, stru
     return lit(i, o, ratio(4 * so * f.num, f.den));
 }
 
+/* A sigma that is no less leaves D over the product of two in the range of a double. */
+#define LEAST_SIGMA R(1e-30)
+
 INLINE real quantity_condition(struct model m, const struct kernel_surface *s, struct direction i,
                                struct direction o, struct half h)
 {
@@ -379,7 +382,7 @@ INLINE real quantity_condition(struct model m, const struct kernel_surface *s, s
     real value = saturated(quotient(t.magnitude, real_max(size, splat(REAL_MIN))));
     /* D / (sigma_i sigma_o) where a sigma is about to underflow and D with it. */
     if (m.masking == KERNEL_UNCORRELATED_THESIS)
-        value = select(less(least, splat(R(1e-30))), splat(REAL_MAX), splat(1));
+        value = select(less(least, splat(LEAST_SIGMA)), splat(REAL_MAX), splat(1));
     return select(less(splat(0), real_min(i.z, o.z)), value, splat(1));
 }
 
