@@ -75,16 +75,12 @@ static bool is_rendered(int q)
     return q == FACET_FR || q == FACET_FR_COS || q == FACET_PDF;
 }
 
-/*
- * wi and wo on one side, of length 1 to a double's rounding: of nearly opposite directions that are
- * only so to a float's, h turns its back on wo, which has no meaning to hold a density against.
- */
+/* wi and wo on one side. */
 static void draw_same(struct rng *rng, const facet_material *m, double wi[3], double wo[3])
 {
     double turn = rng_uniform(rng) < 0.5 ? -1 : 1;
     draw_pair(rng, &draw_everywhere, m, wi, wo);
-    double size_i = sqrt(wi[0] * wi[0] + wi[1] * wi[1] + wi[2] * wi[2]), size_o = sqrt(wo[0] * wo[0] + wo[1] * wo[1] + wo[2] * wo[2]);
-    for (int j = 0; j < 3; j++) wi[j] *= turn / size_i, wo[j] *= turn / size_o;
+    for (int j = 0; j < 3; j++) wi[j] *= turn, wo[j] *= turn;
 }
 
 enum { PAIRS = 21 }; /* more than a vector, and no whole number of them */
