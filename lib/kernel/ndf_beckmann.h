@@ -119,6 +119,13 @@ INLINE real beckmann_density(const struct kernel_surface *s, enum kernel_shape s
 }
 
 /*
+ * How far exp(v_o^2) D's exponent may be below 0, in EXPONENT_UNIT: where h turns its back on wo, as that of
+ * nearly opposite directions does whose lengths are 1 to a float's rounding alone.  In float |H| is then
+ * too short; in exact32 what is beyond is a stray.
+ */
+#define BEYOND_MAX (COMPENSATED ? 700.0 : REAL_IS_FLOAT ? 0.0 : 900.0)
+
+/*
  * exp(v_o^2) D where c_o < 0.  The exponent is a difference: in precise of pairs,
  * in the other tiers where |v_o| is no larger than BEHIND_MAX, which the kernel
  * calls a stray.
@@ -131,12 +138,11 @@ INLINE real beckmann_density_scaled(const struct kernel_surface *s, struct half 
 #if COMPENSATED
     if (!any(behind)) return beckmann_value(h, inverse2, t);
     pair rest = pair_add(t, (pair){ -v2.hi, -v2.lo });
-    /* The difference is never negative but by its rounding. */
-    mask some = less(splat(0), rest.hi);
-    rest = (pair){ select(some, rest.hi, splat(0)), select(some, rest.lo, splat(0)) };
+    mask some = less(splat(-BEYOND_MAX), rest.hi);
+    rest = (pair){ select(some, rest.hi, splat(-BEYOND_MAX)), select(some, rest.lo, splat(0)) };
     return beckmann_value(h, inverse2, (pair){ select(behind, rest.hi, t.hi), select(behind, rest.lo, t.lo) });
 #else
-    t.hi = select(behind, real_max(t.hi - v2.hi, splat(0)), t.hi);
+    t.hi = select(behind, real_max(t.hi - v2.hi, splat(R(-BEYOND_MAX))), t.hi);
     return beckmann_value(h, inverse2, t);
 #endif
 }
