@@ -5,8 +5,6 @@
 
 #include <math.h>
 
-#define PI 3.14159265358979323846
-
 /* Wavelengths that stand for red, green and blue, as for metals. */
 static const double wavelengths[3] = {630, 532, 465};
 
@@ -187,10 +185,10 @@ static bool read_reduction(struct reader *r, struct bsdf *b)
 {
     enum { REDUCTION_MAX = 1000 };
     const double span = b->phi_i[b->phis - 1] - b->phi_i[0];
-    if (!(span * REDUCTION_MAX >= 2 * PI))
+    if (!(span * REDUCTION_MAX >= 2 * FACET_PI))
         return api_problem(r->problem, 422, "phi_i spans %g; it must span at least %g", span,
-                           2 * PI / REDUCTION_MAX);
-    b->reduction = (int)fmax(1, rint(2 * PI / span));
+                           2 * FACET_PI / REDUCTION_MAX);
+    b->reduction = (int)fmax(1, rint(2 * FACET_PI / span));
     return true;
 }
 
@@ -303,7 +301,7 @@ static void cumulative(const struct bsdf *b, const struct slices *slices, double
 
 static double to_unit(double theta)
 {
-    return sqrt(fmax(theta, 0) * (2 / PI));
+    return sqrt(fmax(theta, 0) * (2 / FACET_PI));
 }
 
 static void ask(const struct bsdf *b, double i[3], double o[3], double rgb[3])
@@ -315,9 +313,9 @@ static void ask(const struct bsdf *b, double i[3], double o[3], double rgb[3])
     double h[3] = {i[0] + o[0], i[1] + o[1], i[2] + o[2]};
     double theta_i = atan2(hypot(i[0], i[1]), i[2]), phi_i = atan2(i[1], i[0]);
     double theta_m = atan2(hypot(h[0], h[1]), h[2]), phi_m = atan2(h[1], h[0]);
-    double phi = ((b->isotropic ? phi_m - phi_i : phi_m) + PI) / (2 * PI);
+    double phi = ((b->isotropic ? phi_m - phi_i : phi_m) + FACET_PI) / (2 * FACET_PI);
     double u = to_unit(theta_m), v = phi - floor(phi), u_i = to_unit(theta_i),
-           v_i = (phi_i + PI) / (2 * PI);
+           v_i = (phi_i + FACET_PI) / (2 * FACET_PI);
     struct slices slices = find_slices(b, theta_i, phi_i);
     double scale = 1;
     if (b->jacobian)

@@ -4,8 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 bool api_surface_takes_floats(const struct surface *surface)
 {
     return !surface->has_diffuse && !surface->bsdf;
@@ -78,7 +76,7 @@ static void add_lambert(const struct surface *surface, facet_vec3_in wi, facet_v
                         bool with_cos, double *const out[3])
 {
     for (size_t c = 0; c < surface->channels; c++) {
-        double specular = specular_weight(surface, c), lambert = surface->diffuse[c] / PI;
+        double specular = specular_weight(surface, c), lambert = surface->diffuse[c] / FACET_PI;
         for (size_t i = 0; out[c] && i < n; i++)
             if (wi.z[i] > 0 && wo.z[i] > 0)
                 out[c][i] = specular * out[c][i] + lambert * (with_cos ? wi.z[i] : 1);
@@ -88,7 +86,7 @@ static void add_lambert(const struct surface *surface, facet_vec3_in wi, facet_v
 static void mix_pdf(const struct surface *surface, facet_vec3_in wi, size_t n, double *pdf)
 {
     double share = api_diffuse_share(surface);
-    for (size_t i = 0; i < n; i++) pdf[i] = (1 - share) * pdf[i] + share / PI * fmax(wi.z[i], 0);
+    for (size_t i = 0; i < n; i++) pdf[i] = (1 - share) * pdf[i] + share / FACET_PI * fmax(wi.z[i], 0);
 }
 
 /* Of a Lambert surface there is none: fr, fr_cos and pdf start at 0. */
@@ -129,7 +127,7 @@ enum { BLOCK = 256 };
 /* One cosine sample, and its half vector. */
 static void cosine(const facet_samples *out, facet_vec3_in wo, size_t i, double u1, double u2)
 {
-    double s = sqrt(u1), x = s * cos(2 * PI * u2), y = s * sin(2 * PI * u2), z = sqrt(1 - u1);
+    double s = sqrt(u1), x = s * cos(2 * FACET_PI * u2), y = s * sin(2 * FACET_PI * u2), z = sqrt(1 - u1);
     out->wi.x[i] = x, out->wi.y[i] = y, out->wi.z[i] = z;
     if (!out->h.x) return;
     x += wo.x[i], y += wo.y[i], z += wo.z[i];

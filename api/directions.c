@@ -8,8 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-static const double pi = 3.14159265358979323846;
-
 /*
  * Absolute errors of computed components.  Normalised: length, quotient.  Angles
  * as given: sine and cosine within 0.55 ulp, product, 3.2 roundings.  Cell centres: the angle
@@ -74,7 +72,7 @@ static const struct field random_fields[] = {
 #define D(member) MEMBER(struct directions, member)
 
 static const struct field described_fields[] = {
-    {D(theta), FIELD_NUMBERS, .min = 0, .max = 3.14159265358979323846, .min_items = 1,
+    {D(theta), FIELD_NUMBERS, .min = 0, .max = FACET_PI, .min_items = 1,
      .max_items = LIMIT_EVALUATIONS, .unit = "rad", .doc = "angles from the normal"},
     {D(phi), FIELD_NUMBERS, .min = -1e3, .max = 1e3, .min_items = 1, .max_items = LIMIT_EVALUATIONS,
      .unit = "rad", .doc = "angles from x; as many as theta, or one of both single"},
@@ -147,8 +145,8 @@ static bool plan_grid(const struct grid *grid, struct decoder *decoder, struct p
     double *theta = api_arena_doubles(decoder->arena, n),
            *phi = api_arena_doubles(decoder->arena, m);
     if (!theta || !phi) return api_problem_memory(decoder->problem);
-    for (size_t i = 0; i < n; i++) theta[i] = ((double)i + 0.5) * (pi / 2) / (double)n;
-    for (size_t j = 0; j < m; j++) phi[j] = ((double)j + 0.5) * (2 * pi) / (double)m;
+    for (size_t i = 0; i < n; i++) theta[i] = ((double)i + 0.5) * (FACET_PI / 2) / (double)n;
+    for (size_t j = 0; j < m; j++) phi[j] = ((double)j + 0.5) * (2 * FACET_PI) / (double)m;
     return axis(phi, m, &plan->cos_phi, &plan->sin_phi, decoder) &&
            (grid->uniform == UNIFORM_COSINE
                 ? cosine_axis(n, decoder, plan)
@@ -269,7 +267,7 @@ static void fill_random(uint64_t seed, size_t start, size_t n, double *x, double
 {
     for (size_t i = 0; i < n; i++) {
         uint64_t k = 2 * (uint64_t)(start + i);
-        double down = api_random(seed, k), phi = 2 * pi * api_random(seed, k + 1);
+        double down = api_random(seed, k), phi = 2 * FACET_PI * api_random(seed, k + 1);
         double s = sqrt(down * (2 - down));
         x[i] = s * cos(phi);
         y[i] = s * sin(phi);

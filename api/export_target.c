@@ -2,8 +2,6 @@
 
 #include <math.h>
 
-#define PI 3.14159265358979323846
-
 const facet_fit_candidate *api_export_choose(const facet_fit *fit,
                                              const facet_fit_candidate *chosen, bool beckmann,
                                              bool table)
@@ -79,7 +77,7 @@ static void fill_grid(double *const v[6], double alpha)
             double u = (i + 0.5) / (THETA_I / 2.) - 1, spread = i % 2 ? fmax(2 * alpha, 0.02) : 1.5;
             double ti = fmax(-1.5, fmin(1.5, to + u * spread));
             for (int p = 0; p < PHI; p++) {
-                double phi = 2 * PI * p / PHI, lean = i % 4 < 2 ? 0.5 * spread * u : 0;
+                double phi = 2 * FACET_PI * p / PHI, lean = i % 4 < 2 ? 0.5 * spread * u : 0;
                 double y = sin(lean), x = -sin(ti) * cos(lean), z = cos(ti) * cos(lean);
                 v[0][n] = x * cos(phi) - y * sin(phi), v[1][n] = x * sin(phi) + y * cos(phi);
                 v[2][n] = z;
@@ -128,7 +126,7 @@ bool api_export_loss(struct call *call, const facet_fit_candidate *candidate,
         if (!(v[2][i] > 1e-3)) continue;
         double most = fmax(b[3][i], fmax(b[4][i], b[5][i]));
         for (int c = 0; c < 3; c++) {
-            double kd = candidate->has_diffuse ? candidate->diffuse[c] : 0, z = v[2][i] / PI;
+            double kd = candidate->has_diffuse ? candidate->diffuse[c] : 0, z = v[2][i] / FACET_PI;
             double ours = (1 - kd) * a[c][i] + kd * z;
             double dim = target->dimmed ? 1 - most : 1;
             double theirs = target->specular[c] * b[c][i] + target->diffuse[c] * dim * z;

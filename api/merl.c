@@ -4,8 +4,6 @@
 
 #include <math.h>
 
-#define PI 3.14159265358979323846
-
 enum { HEADER = 12, HALVES = 90, DIFFERENCES = 90, AZIMUTHS = 180 };
 enum { PLANE = HALVES * DIFFERENCES * AZIMUTHS };
 
@@ -65,7 +63,7 @@ bool api_merl_open(const void *bytes, size_t size, struct merl *merl, struct dat
 double api_merl_slope_max(void)
 {
     double t = (HALVES - 1.0) / HALVES;
-    return tan(PI / 2 * t * t);
+    return tan(FACET_PI / 2 * t * t);
 }
 
 /* Where a coordinate falls among count samples at 0, 1, ...: the cell's ends and the weight of the
@@ -102,9 +100,9 @@ static void coordinates(const double wi[3], const double wo[3], double *theta_h,
     double along = (h[2] * (cos_phi * d[0] + sin_phi * d[1]) - across * d[2]) / length;
     double beside = cos_phi * d[1] - sin_phi * d[0];
     double phi = atan2(beside, along);
-    *theta_h = sqrt(atan2(across, h[2]) / (PI / 2)) * HALVES;
-    *theta_d = atan2(hypot(along, beside), length) / (PI / 2) * DIFFERENCES;
-    *phi_d = (phi < 0 ? phi + PI : phi) / PI * AZIMUTHS; /* reciprocity: phi_d and phi_d + pi */
+    *theta_h = sqrt(atan2(across, h[2]) / (FACET_PI / 2)) * HALVES;
+    *theta_d = atan2(hypot(along, beside), length) / (FACET_PI / 2) * DIFFERENCES;
+    *phi_d = (phi < 0 ? phi + FACET_PI : phi) / FACET_PI * AZIMUTHS; /* reciprocity: phi_d and phi_d + pi */
 }
 
 /* Half way between cells with and without data there are data, whatever the last bit says. */

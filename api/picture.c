@@ -5,8 +5,6 @@
 #include <math.h>
 #include <stdio.h>
 
-#define PI 3.14159265358979323846
-
 enum { STEPS = 356, WIDTH = 760, PANEL = 230, LEFT = 60, RIGHT = 20, TOP = 34, INNER = 170 };
 enum { VIEWS = 3 };
 static const double view_degrees[VIEWS] = {10, 40, 70};
@@ -19,7 +17,7 @@ struct lobe {
 
 static double angle(int i)
 {
-    return (-89 + 0.5 * i) * PI / 180;
+    return (-89 + 0.5 * i) * FACET_PI / 180;
 }
 
 static facet_status ask(const facet_fit_source *source, const facet_fit_candidate *candidate,
@@ -49,7 +47,7 @@ static facet_status ask(const facet_fit_source *source, const facet_fit_candidat
     for (int c = 2; c >= 0; c--) {
         double kd = candidate->has_diffuse ? candidate->diffuse[c] : 0;
         for (int i = 0; i < STEPS; i++)
-            lobe->fit[c][i] = (1 - kd) * lobe->fit[channels == 3 ? c : 0][i] + kd / PI * z[i];
+            lobe->fit[c][i] = (1 - kd) * lobe->fit[channels == 3 ? c : 0][i] + kd / FACET_PI * z[i];
     }
     return status;
 }
@@ -118,7 +116,7 @@ bool api_picture(struct call *call, const facet_fit_source *source, const facet_
                           "<rect width=\"100%%\" height=\"100%%\" fill=\"white\"/>\n",
                    WIDTH, VIEWS * PANEL + 30);
     for (int v = 0; v < VIEWS; v++) {
-        facet_status status = ask(source, candidate, view_degrees[v] * PI / 180, lobe);
+        facet_status status = ask(source, candidate, view_degrees[v] * FACET_PI / 180, lobe);
         if (status) return api_problem_status(call->problem, status, NULL);
         panel(&text, lobe, candidate != NULL, view_degrees[v], v * PANEL);
     }

@@ -4,8 +4,6 @@
 
 #include <math.h>
 
-#define PI 3.14159265358979323846
-
 bool api_utia_matches(const unsigned char *bytes, size_t size)
 {
     (void)bytes;
@@ -27,7 +25,7 @@ enum { PAIRS = (NODES * NODES + SKIP - 1) / SKIP };
 static size_t node_direction(size_t k, double v[3])
 {
     size_t theta = k ? 1 + (k - 1) / UTIA_PHIS : 0, phi = k ? (k - 1) % UTIA_PHIS : 0;
-    double t = (double)theta * PI / 12, p = (double)phi * PI / 24;
+    double t = (double)theta * FACET_PI / 12, p = (double)phi * FACET_PI / 24;
     v[0] = sin(t) * cos(p), v[1] = sin(t) * sin(p), v[2] = cos(t);
     return theta * UTIA_PHIS + phi;
 }
@@ -80,7 +78,7 @@ bool api_utia_open(const void *bytes, size_t size, struct arena *arena, struct p
         }
         m->counts.negative += negative;
     }
-    m->source = (facet_fit_source){api_utia_evaluate, fr, tan(75 * PI / 180), true,
+    m->source = (facet_fit_source){api_utia_evaluate, fr, tan(75 * FACET_PI / 180), true,
                                    node_samples(fr, arena)};
     if (!m->source.samples) return api_problem_memory(problem);
     return data || api_problem(problem, 422, "the file holds no data: no number is positive");
@@ -94,7 +92,7 @@ struct cell {
 
 static bool locate(double x, double y, double z, struct cell *cell)
 {
-    double theta = atan2(hypot(x, y), z) / (PI / 12), phi = atan2(y, x) / (PI / 24);
+    double theta = atan2(hypot(x, y), z) / (FACET_PI / 12), phi = atan2(y, x) / (FACET_PI / 24);
     if (!(z > 0) || theta > UTIA_THETAS - 1 + 1e-6) return false;
     if (phi < 0) phi += UTIA_PHIS;
     cell->theta = theta < UTIA_THETAS - 2 ? (size_t)theta : UTIA_THETAS - 2;

@@ -18,8 +18,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 enum { POINTS = INTEGRATE_POINTS, RADIUS_PANELS = 200, ANGLE_PANELS = 600, OUTER_PANELS = 100 };
 /* Breaks of a ray beside those of the Fresnel term. */
 enum { RAY_BREAKS = 16 };
@@ -293,7 +291,7 @@ static facet_status integrate_direction(struct albedo *a, double x, double y, do
  */
 static double theta_of(double edge, double t, double *dtheta_dt)
 {
-    double behind = PI / 2 - edge, left = 1 - t;
+    double behind = FACET_PI / 2 - edge, left = 1 - t;
     *dtheta_dt = t > 1 ? behind : behind > 0 ? 2 * edge * left : edge;
     return t > 1 ? edge - behind * left : behind > 0 ? edge * (1 - left * left) : edge * t;
 }
@@ -340,7 +338,7 @@ static facet_status over_theta(struct albedo *a, struct integral *sum)
     double lean = r->slope_x * cos(a->azimuth_at) + r->slope_y * sin(a->azimuth_at);
     const double ends[] = { 0, 1, 2 };
     struct integrate rule = mean_rule(a, along_theta, 0.75, a->theta);
-    a->edge = lean > 0 ? atan2(1, lean) : PI / 2;
+    a->edge = lean > 0 ? atan2(1, lean) : FACET_PI / 2;
     return facet_integrate(&rule, ends, lean > 0 ? 3 : 2, sum);
 }
 
@@ -368,9 +366,9 @@ static facet_status integrate_mean(struct albedo *a, double tolerance, const dou
      * ends across the mean slope; a table over the azimuth is the same on both sides.
      */
     size_t quarters = a->turned ? 2 : is_central(r) ? 1 : r->alpha_x == r->alpha_y && r->rho == 0 ? 2 : 4;
-    double turn = (double)quarters * PI / 2, breaks[5];
+    double turn = (double)quarters * FACET_PI / 2, breaks[5];
     double axis = is_central(r) ? -facet_roughness_to_ellipse(r).phi : atan2(r->slope_y, r->slope_x);
-    for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * PI / 2;
+    for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * FACET_PI / 2;
     struct integrate rule = mean_rule(a, around_azimuth, turn, a->azimuth);
     facet_status status = facet_integrate(&rule, breaks, quarters + 1, sum);
     for (size_t c = 0; c < a->channels; c++) {

@@ -2,8 +2,6 @@
 
 #include <math.h>
 
-#define PI 3.14159265358979323846
-
 /* c by its own rounding only: next to c = 0 the shear's terms cancel. */
 struct albedo_view facet_albedo_view_of(const struct albedo_surface *s, double x, double y, double z)
 {
@@ -156,8 +154,8 @@ static size_t tangents(const struct albedo_surface *s, const struct albedo_view 
 
 static void insert(double *phi, size_t *count, double first, double turn, double angle)
 {
-    double offset = fmod(angle - first, 2 * PI);
-    if (offset < 0) offset += 2 * PI;
+    double offset = fmod(angle - first, 2 * FACET_PI);
+    if (offset < 0) offset += 2 * FACET_PI;
     if (offset >= turn) return;
     size_t i = (*count)++;
     for (; i > 0 && phi[i - 1] > first + offset; i--) phi[i] = phi[i - 1];
@@ -183,29 +181,29 @@ size_t facet_albedo_azimuths(const struct albedo_surface *s, const struct albedo
                        double phi[ALBEDO_AZIMUTHS_MAX])
 {
     const facet_roughness *r = &s->roughness;
-    double plane = v->a != 0 || v->b != 0 ? atan2(v->b, v->a) : 0, turn = half ? PI : 2 * PI;
+    double plane = v->a != 0 || v->b != 0 ? atan2(v->b, v->a) : 0, turn = half ? FACET_PI : 2 * FACET_PI;
     double x = r->alpha_x, y = s->rho_alpha_y, k = s->kappa_alpha_y, pole, touch[2];
     double axis = 0.5 * atan2(2 * y * k, x * x + y * y - k * k), side = hypot(v->a, v->b);
     /* 2 g + z n1 = 0: the end of the ray neither near nor far */
     double p = v->a + v->z * (r->slope_x * x + r->slope_y * y), q = v->b + v->z * r->slope_y * k;
     double level = p != 0 || q != 0 ? atan2(q, p) : 0;
     size_t count = 0;
-    for (int i = 0; i < 2; i++) insert(phi, &count, plane, turn, plane + i * PI);
+    for (int i = 0; i < 2; i++) insert(phi, &count, plane, turn, plane + i * FACET_PI);
     for (int i = -1; i <= 1; i += 2)
-        grade(phi, &count, plane, turn, level + i * PI / 2, v->z * fmin(1, s->alpha_1) / side);
+        grade(phi, &count, plane, turn, level + i * FACET_PI / 2, v->z * fmin(1, s->alpha_1) / side);
     if (!half) {
         facet_albedo_pole(s, v, &pole);
         if (s->is_rough || s->is_careful) insert(phi, &count, plane, turn, pole);
         for (int i = 0; i < 4 && (s->is_thin || s->is_careful); i++)
-            insert(phi, &count, plane, turn, axis + i * PI / 2);
+            insert(phi, &count, plane, turn, axis + i * FACET_PI / 2);
         size_t touches = tangents(s, v, touch);
         for (size_t i = 0; i < 2 * touches; i++)
-            insert(phi, &count, plane, turn, touch[i / 2] + (i % 2 ? PI : 0));
+            insert(phi, &count, plane, turn, touch[i / 2] + (i % 2 ? FACET_PI : 0));
     }
     if (v->c < 0) { /* only the tail beyond |c|/side is seen, in a cone that narrow */
-        double cone = fmin(8 * side / -v->c, PI / 4);
-        insert(phi, &count, plane, turn, plane + PI - cone);
-        insert(phi, &count, plane, turn, plane + PI + cone);
+        double cone = fmin(8 * side / -v->c, FACET_PI / 4);
+        insert(phi, &count, plane, turn, plane + FACET_PI - cone);
+        insert(phi, &count, plane, turn, plane + FACET_PI + cone);
     }
     phi[count++] = plane + turn;
     return count;

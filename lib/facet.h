@@ -62,6 +62,7 @@ const char *facet_status_text(facet_status status);
 
 /* ---- Material -------------------------------------------------------------- */
 
+#define FACET_PI 3.14159265358979323846
 #define FACET_ALPHA_MIN 1e-8
 #define FACET_ALPHA_MAX 1e4
 #define FACET_RHO_MAX (1 - 1e-12)

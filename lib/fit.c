@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 /*
  * Directions the fit looks at.  theta_d at every degree: these become the nodes
  * of the Fresnel table; theta_h half spread over the slope distribution, half
@@ -41,12 +39,12 @@ bool facet_fit_cancelled(struct fit_work *work)
 static double half_angle(size_t i, size_t n)
 {
     double t = ((double)i + 0.5) / (double)n;
-    return PI / 2 * t * t;
+    return FACET_PI / 2 * t * t;
 }
 
 static void difference_angles(double *theta_d, size_t n, double first)
 {
-    for (size_t d = 0; d < n; d++) theta_d[d] = PI / 2 * ((double)d + first) / (double)n;
+    for (size_t d = 0; d < n; d++) theta_d[d] = FACET_PI / 2 * ((double)d + first) / (double)n;
 }
 
 static facet_status ask_backscatter(struct fit_work *work, double scale)

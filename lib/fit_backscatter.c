@@ -6,8 +6,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 /* What a slope table takes as log 0, and JSON can carry. */
 #define LOG_ZERO (-1000.0)
 
@@ -96,7 +94,7 @@ facet_status facet_fit_median_slope(const facet_fit_source *source, double *medi
  */
 static double ring_cosine(double t)
 {
-    return t <= 1 ? 2 * PI : 2 * (sqrt((t - 1) * (t + 1)) + PI - acos(1 / t));
+    return t <= 1 ? 2 * FACET_PI : 2 * (sqrt((t - 1) * (t + 1)) + FACET_PI - acos(1 / t));
 }
 
 /*
@@ -109,7 +107,7 @@ static double masked_sum(const struct fit_density *density, facet_fit_convention
     double sum = 0;
     for (size_t j = 0; j < density->count; j++) {
         double ring = ring_cosine(r * density->r[j]);
-        if (convention == FACET_FIT_CORRELATED) ring = 2 * ring - 2 * PI;
+        if (convention == FACET_FIT_CORRELATED) ring = 2 * ring - 2 * FACET_PI;
         sum += density->weight[j] * ring * density->p[j];
     }
     return sum;
@@ -135,7 +133,7 @@ static double plain_sum(facet_masking masking, double r)
 static void normalize(struct fit_density *density, double *change)
 {
     double norm = 0, worst = 0, peak = 0;
-    for (size_t j = 0; j < density->count; j++) norm += 2 * PI * density->weight[j] * density->p[j];
+    for (size_t j = 0; j < density->count; j++) norm += 2 * FACET_PI * density->weight[j] * density->p[j];
     for (size_t j = 0; j < density->count; j++) {
         density->p[j] /= norm;
         peak = fmax(peak, density->p[j]);
@@ -152,7 +150,7 @@ static facet_status read_off(struct fit_density *density, facet_masking masking,
     for (size_t j = 0; j < density->count; j++) {
         double r = density->r[j];
         density->p[j] = facet_fit_gain(r, fr[j]) * plain_sum(masking, r);
-        density->f0 += 2 * PI * density->weight[j] * density->p[j];
+        density->f0 += 2 * FACET_PI * density->weight[j] * density->p[j];
     }
     if (!isfinite(density->f0) || density->f0 <= 0) return FACET_BAD_DATA;
     for (size_t j = 0; j < density->count; j++) density->p[j] /= density->f0;
@@ -180,7 +178,7 @@ static facet_status iterate(struct fit_density *density, facet_fit_convention co
         before[i] = density->p[i] = 1;
         for (size_t j = 0; j <= i; j++) {
             double ring = ring_cosine(density->r[i] * density->r[j]);
-            if (convention == FACET_FIT_CORRELATED) ring = 2 * ring - 2 * PI;
+            if (convention == FACET_FIT_CORRELATED) ring = 2 * ring - 2 * FACET_PI;
             matrix[n * i + j] = facet_fit_gain(density->r[i], fr[i]) * density->weight[j] * ring;
             matrix[n * j + i] = facet_fit_gain(density->r[j], fr[j]) * density->weight[i] * ring;
         }
@@ -285,7 +283,7 @@ double facet_fit_alpha(const struct fit_density *density, facet_ndf ndf, double 
         moment += density->weight[i] * density->p[i] * power;
         peak = fmax(peak, density->p[i]);
     }
-    double alpha = ndf == FACET_GGX ? 4 * moment : sqrt(2 * PI * moment);
+    double alpha = ndf == FACET_GGX ? 4 * moment : sqrt(2 * FACET_PI * moment);
     if (!(alpha >= density->scale / 100 && alpha <= density->scale * 100)) alpha = density->scale;
     struct alpha_fit fit = {density, ndf, peak * PEAK_PART};
     double start = log(alpha);

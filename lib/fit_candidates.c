@@ -7,8 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 /* What a slope table takes as log 0, and JSON can carry. */
 #define LOG_D_LEAST (-1000.0)
 
@@ -187,7 +185,7 @@ static void guess(struct fit_model *model, const struct fit_pairs *pairs)
             dark += 1 / (pairs->fr_cos[from][i] / pairs->wi[2][i] + 1e-4);
         }
         model->f0[c] = fmax(0.02, fmin(0.95, below > 0 ? above / below : 0.5));
-        double kd = PI * ((double)pairs->count / dark - 1e-4);
+        double kd = FACET_PI * ((double)pairs->count / dark - 1e-4);
         model->kd[c] = model->has_diffuse ? fmax(1e-3, fmin(0.9, kd)) : 0;
     }
 }

@@ -7,8 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 /* Gauss nodes of the backscatter equation: at least so many, they cost nothing in the result. */
 enum { QUADRATURE_MIN = 90, TURN_RADII = 45, TURN_AZIMUTHS = 90 };
 /* Masking only is believed where its residual is smaller by this factor, and more than rounding. */
@@ -131,8 +129,8 @@ static facet_status evaluate_less(const void *user, facet_vec3_in wi, facet_vec3
     if (status == FACET_OK) status = facet_eval(brdf, FACET_PRECISE, wi, wo, n, &outputs);
     for (size_t c = 0; status == FACET_OK && c < 3; c++) {
         for (size_t i = 0; i < n; i++) {
-            double rest = fmax(fr[c][i] - less->kd[c] / PI, 0);
-            double trust = rest / (rest + NOISE_PART * less->kd[c] / PI);
+            double rest = fmax(fr[c][i] - less->kd[c] / FACET_PI, 0);
+            double trust = rest / (rest + NOISE_PART * less->kd[c] / FACET_PI);
             if (!(rest > 0)) trust = less->kd[c] > 0 ? 0 : 1;
             fr[c][i] = trust * rest + (1 - trust) * less->scale[c] * model[i];
         }

@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 /* Slopes this flat or steep are no roughness of a fit. */
 #define LOG_ALPHA_MIN (-13.8)
 #define LOG_ALPHA_MAX 2.3
@@ -170,7 +168,7 @@ static void add_channel(const struct fit_model *model, struct rows *rows, size_t
     if (model->has_diffuse) at[n++] = l.kd + c;
     double kd = model->has_diffuse ? model->kd[c] : 0, jacobian[ARROW_SHARED_MAX];
     for (size_t i = 0; i < p->count; i++) {
-        double s = p->schlick[i], m = p->model[i], lambert = p->wi[2][i] / PI;
+        double s = p->schlick[i], m = p->model[i], lambert = p->wi[2][i] / FACET_PI;
         double f = model->has_table ? model->value[c][p->group[i]] : model->f0[c] + (1 - model->f0[c]) * s;
         double fit = (1 - kd) * f * m + kd * lambert, y = FACET_FIT_EPSILON + fit;
         double residual = p->log_fr[c][i] - log(y), size = fabs(residual);

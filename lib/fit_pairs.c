@@ -3,8 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 /* Nearer to the horizon than this nothing is measured and f_r cos theta says little. */
 #define COS_MIN 1e-3
 
@@ -106,7 +104,7 @@ facet_status facet_fit_pairs_create(const facet_fit_source *source, const struct
                                     struct fit_pairs *pairs)
 {
     size_t n = grid->theta_h_count * grid->theta_d_count * grid->azimuths * grid->turns;
-    double circle = grid->turns > 1 ? 2 * PI : PI;
+    double circle = grid->turns > 1 ? 2 * FACET_PI : FACET_PI;
     if (!allocate(pairs, n)) return FACET_NO_MEMORY;
     pairs->groups = grid->theta_d_count;
     for (size_t d = 0; d < grid->theta_d_count; d++) {
@@ -116,7 +114,7 @@ facet_status facet_fit_pairs_create(const facet_fit_source *source, const struct
                 size_t turn = k / grid->azimuths;
                 double phi_d = circle * ((double)(k % grid->azimuths) + 0.5) / (double)grid->azimuths;
                 /* turned by a part of the step from one theta_h to the next: no axis is missed */
-                double phi_h = grid->turns > 1 ? 2 * PI * ((double)turn + (double)(h % 3) / 3) /
+                double phi_h = grid->turns > 1 ? 2 * FACET_PI * ((double)turn + (double)(h % 3) / 3) /
                                                      (double)grid->turns
                                                : 0;
                 double theta_h =
@@ -148,9 +146,9 @@ facet_status facet_fit_pairs_samples(const facet_fit_samples *samples, size_t gr
     unsigned char *own = valid ? (unsigned char *)(valid + n) : NULL; /* group of each sample */
     pairs->groups = groups;
     for (size_t g = 0; g < groups; g++)
-        pairs->cos_theta_d[g] = cos(PI / 2 * ((double)g + 0.5) / (double)groups);
+        pairs->cos_theta_d[g] = cos(FACET_PI / 2 * ((double)g + 0.5) / (double)groups);
     for (size_t i = 0; valid && i < n; i++) {
-        size_t g = (size_t)(difference_angle(samples, i) / (PI / 2) * (double)groups);
+        size_t g = (size_t)(difference_angle(samples, i) / (FACET_PI / 2) * (double)groups);
         own[i] = (unsigned char)(g < groups ? g : groups - 1);
     }
     for (size_t g = 0; valid && g < groups; g++) { /* group after group, as the others are */
@@ -179,7 +177,7 @@ facet_status facet_fit_pairs_backscatter(const facet_fit_source *source, const d
     for (size_t t = 0; t < turns; t++)
         for (size_t i = 0; i < n; i++)
             if (r[i] <= source->slope_max)
-                add_pair(pairs, atan(r[i]), 2 * PI * (double)t / (double)turns, 0, 0);
+                add_pair(pairs, atan(r[i]), 2 * FACET_PI * (double)t / (double)turns, 0, 0);
     facet_status status = ask(source, pairs, false);
     if (status != FACET_OK) facet_fit_pairs_clear(pairs);
     return status;
@@ -270,7 +268,7 @@ static double fresnel_value(const struct fit_pairs *pairs, size_t channel, doubl
     double above = 0, below = 0;
     for (size_t i = first; i < end; i++) {
         double model = (1 - kd) * pairs->model[i], weight = 1 / (model + FACET_FIT_EPSILON);
-        above += (source[i] - kd / PI * pairs->wi[2][i]) * weight;
+        above += (source[i] - kd / FACET_PI * pairs->wi[2][i]) * weight;
         below += model * weight;
     }
     if (!(below > FACET_FIT_EPSILON)) return NAN;
@@ -279,7 +277,7 @@ static double fresnel_value(const struct fit_pairs *pairs, size_t channel, doubl
         double slope = 0, square = 0;
         for (size_t i = first; i < end; i++) {
             double fit = value * (1 - kd) * pairs->model[i];
-            double total = FACET_FIT_EPSILON + fit + kd / PI * pairs->wi[2][i], j = fit / total;
+            double total = FACET_FIT_EPSILON + fit + kd / FACET_PI * pairs->wi[2][i], j = fit / total;
             slope += j * (log_source[i] - log(total));
             square += j * j;
         }
@@ -343,7 +341,7 @@ double facet_fit_residual(const struct fit_pairs *pairs, const double kd[3],
     for (size_t c = 0; c < pairs->channels; c++) {
         for (size_t i = 0; i < pairs->count; i++) {
             double fit = values[c][pairs->group[i]] * (1 - kd[c]) * pairs->model[i] +
-                         kd[c] / PI * pairs->wi[2][i];
+                         kd[c] / FACET_PI * pairs->wi[2][i];
             double d = pairs->log_fr[c][i] - log(FACET_FIT_EPSILON + fit);
             sum += d * d;
         }
@@ -359,7 +357,7 @@ double facet_fit_flat_rms(const struct fit_pairs *pairs)
     for (size_t c = 0; c < 3; c++) {
         double mean = 0, square = 0;
         for (size_t i = 0; i < pairs->count; i++) {
-            double d = pairs->log_fr[c][i] - log(FACET_FIT_EPSILON + pairs->wi[2][i] / PI);
+            double d = pairs->log_fr[c][i] - log(FACET_FIT_EPSILON + pairs->wi[2][i] / FACET_PI);
             double step = d - mean;
             mean += step / (double)(i + 1);
             square += step * (d - mean);
@@ -394,7 +392,7 @@ static facet_status evaluate(const struct fit_pairs *pairs, const facet_fit_cand
         double kd = candidate->has_diffuse ? candidate->diffuse[c] : 0;
         for (size_t i = 0; i < n; i++)
             out[c][i] = (1 - kd) * out[c < channels ? c : 0][i] +
-                        kd / PI * (with_cos ? pairs->wi[2][i] : 1);
+                        kd / FACET_PI * (with_cos ? pairs->wi[2][i] : 1);
     }
     return status;
 }

@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 enum { ROUNDS = 8, KNOTS_MAX = 64, SOLVER_STEPS = 4 };
 #define GAIN_MIN 0.01
 #define SAME_U 1e-9  /* pairs of one theta_h differ by rounding */
@@ -56,7 +54,7 @@ static void find_steps(const struct fit_pairs *p, const struct fit_model *model,
         double kd = model->has_diffuse ? model->kd[c] : 0;
         for (size_t i = 0; i < p->count; i++) {
             double part = (1 - kd) * model->value[c][p->group[i]] * p->model[i];
-            double fit = FACET_FIT_EPSILON + part + kd / PI * p->wi[2][i], j = part / fit;
+            double fit = FACET_FIT_EPSILON + part + kd / FACET_PI * p->wi[2][i], j = part / fit;
             above[knots->of[i]] += j * (p->log_fr[c][i] - log(fit));
             below[knots->of[i]] += j * j;
         }

@@ -6,8 +6,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 #define LOG_ZERO (-1000.0)
 #define SLOPE_HORIZON 1e6
 /* The nodes of the azimuth leave more than this anyway. */
@@ -72,7 +70,7 @@ static void fill_kernel(const struct fit_turn *t, facet_fit_convention conventio
         for (size_t k = 0; k < t->radii; k++)
             for (size_t d = 0; d < t->turns; d++)
                 *kernel++ = facing(convention,
-                                   t->r[i] * t->r[k] * cos(2 * PI * (double)d / (double)t->turns));
+                                   t->r[i] * t->r[k] * cos(2 * FACET_PI * (double)d / (double)t->turns));
 }
 
 /* next = gain (K weight p) */
@@ -131,7 +129,7 @@ static facet_status ask(const facet_fit_source *source, struct fit_turn *t, doub
     double *x = calloc(2 * n, sizeof *x), *y = x + n;
     if (!x) return FACET_NO_MEMORY;
     for (size_t m = 0; m < n; m++) {
-        double phi = 2 * PI * (double)(m % t->turns) / (double)t->turns, r = t->r[m / t->turns];
+        double phi = 2 * FACET_PI * (double)(m % t->turns) / (double)t->turns, r = t->r[m / t->turns];
         x[m] = r * cos(phi), y[m] = r * sin(phi);
     }
     facet_status status = backscatter(source, x, y, n, gain);
@@ -174,7 +172,7 @@ facet_status facet_fit_turn_create(const facet_fit_source *source, facet_masking
         for (size_t j = 0; j < radii; j++) { /* r dr = b^2 u/(1-u)^3 du */
             double u = turn->r[j], q = 1 - u;
             turn->r[j] = scale * u / q;
-            turn->weight[j] *= 2 * PI / (double)turns * scale * scale * u / (q * q * q);
+            turn->weight[j] *= 2 * FACET_PI / (double)turns * scale * scale * u / (q * q * q);
         }
         struct room room = {work, work + n, work + n + radii * n, work + 3 * n + radii * n};
         status = solve(source, masking, convention, watch, turn, &room);
@@ -199,16 +197,16 @@ static double mean_along(const struct fit_turn *t, double a)
     for (size_t i = 0; i < t->radii; i++)
         for (size_t j = 0; j < t->turns; j++)
             sum += t->weight[i] * t->p[t->turns * i + j] * t->r[i] *
-                   fabs(cos(2 * PI * (double)j / (double)t->turns - a));
+                   fabs(cos(2 * FACET_PI * (double)j / (double)t->turns - a));
     return sum;
 }
 
 facet_roughness facet_fit_turn_roughness(const struct fit_turn *turn, facet_ndf ndf)
 {
     /* E|x| of the standard distributions: 1 (GGX), 1/sqrt(pi) (Beckmann) */
-    double unit = ndf == FACET_GGX ? 1 : 1 / sqrt(PI), square[4];
+    double unit = ndf == FACET_GGX ? 1 : 1 / sqrt(FACET_PI), square[4];
     for (int k = 0; k < 4; k++) {
-        double mean = mean_along(turn, PI / 4 * k) / unit;
+        double mean = mean_along(turn, FACET_PI / 4 * k) / unit;
         square[k] = mean * mean; /* alpha^2 along that axis: a quadratic form */
     }
     /* its three coefficients from four axes, by least squares */
@@ -229,7 +227,7 @@ static double masked_sum(const struct fit_turn *t, facet_fit_convention conventi
 {
     double sum = 0;
     for (size_t j = 0; j < t->turns; j++) {
-        double phi = 2 * PI * (double)j / (double)t->turns, along = x * cos(phi) + y * sin(phi);
+        double phi = 2 * FACET_PI * (double)j / (double)t->turns, along = x * cos(phi) + y * sin(phi);
         for (size_t i = 0; i < t->radii; i++)
             sum += t->weight[i] * t->p[t->turns * i + j] * facing(convention, along * t->r[i]);
     }
@@ -256,7 +254,7 @@ static facet_status mean_density(const struct place *at, double s, double first,
     const facet_roughness *a = &at->roughness;
     double kappa = sqrt((1 - a->rho) * (1 + a->rho)), det = a->alpha_x * a->alpha_y * kappa;
     for (int k = 0; k < count; k++) {
-        double phi = first + 2 * PI * k / count, sx = s * cos(phi), sy = s * sin(phi);
+        double phi = first + 2 * FACET_PI * k / count, sx = s * cos(phi), sy = s * sin(phi);
         x[k] = a->alpha_x * sx, y[k] = a->alpha_y * (a->rho * sx + kappa * sy);
     }
     facet_status status = backscatter(at->source, x, y, (size_t)count, fr);
@@ -279,7 +277,7 @@ facet_status facet_fit_turn_table(const facet_fit_source *source, facet_masking 
     for (size_t k = 0; k < rows * n; k++) {
         size_t i = k % n, row = k / n;
         double u = (double)i / (double)(n - 1), s = fmin(scale * u / (1 - u), SLOPE_HORIZON), p;
-        double first = rows > 1 ? PI * (double)row / (double)rows : PI / AZIMUTHS;
+        double first = rows > 1 ? FACET_PI * (double)row / (double)rows : FACET_PI / AZIMUTHS;
         facet_status status = mean_density(&at, s, first, rows > 1 ? 2 : AZIMUTHS, &p);
         if (status != FACET_OK) return status;
         log_d[k] = p > 0 ? fmax(log(p) + 2 * log1p(s * s), LOG_ZERO) : LOG_ZERO;

@@ -1,8 +1,8 @@
 #include "gauss.h"
 
-#include <math.h>
+#include "facet.h"
 
-#define PI 3.14159265358979323846
+#include <math.h>
 
 /* Legendre polynomial of degree n at x by its three-term recurrence, and its derivative. */
 static double legendre(size_t n, double x, double *derivative)
@@ -22,7 +22,7 @@ void facet_gauss_legendre(size_t n, double *node, double *weight)
     enum { STEPS = 8 }; /* Newton converges quadratically from Tricomi's guess: 4 do */
     static const double small = 1e-15;
     for (size_t i = 0; i < (n + 1) / 2; i++) {
-        double x = cos(PI * ((double)i + 0.75) / ((double)n + 0.5)), slope;
+        double x = cos(FACET_PI * ((double)i + 0.75) / ((double)n + 0.5)), slope;
         for (int k = 0; k < STEPS; k++) {
             double p = legendre(n, x, &slope);
             x -= p / slope;

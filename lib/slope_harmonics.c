@@ -9,8 +9,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 /* Rings of a cell: for v below it, and for v in it, where they are analytic in the root of
  * the distance. */
 enum { PLAIN = 4, NEAR = 8, RINGS = PLAIN + NEAR };
@@ -110,8 +108,8 @@ static void sum_rows(const struct harmonics *h, size_t i, const double *even, co
 static void fill(const struct harmonics *h, double *even, double *odd, double *psi)
 {
     for (size_t j = 0; j < h->rows; j++) {
-        h->cosine[j] = cos(2 * PI * (double)j / (double)h->rows);
-        h->sine[j] = sin(2 * PI * (double)j / (double)h->rows);
+        h->cosine[j] = cos(2 * FACET_PI * (double)j / (double)h->rows);
+        h->sine[j] = sin(2 * FACET_PI * (double)j / (double)h->rows);
         psi[j * (h->cells + 1) + h->cells] = 0;
     }
     add_rings(h);
@@ -154,8 +152,8 @@ double facet_slope_psi_limit(const struct kernel_table *table, double azimuth)
     enum { POINTS = 256 };
     double b = table->slope_scale, sum = 0;
     for (int k = 0; k < POINTS; k++) {
-        double t = (k + 0.5) / POINTS - 0.5, at = azimuth + t, c = cos(PI * t);
+        double t = (k + 0.5) / POINTS - 0.5, at = azimuth + t, c = cos(FACET_PI * t);
         sum += exp(slope_sheet_at(table->turned_q, 1, at - floor(at))) * c * c;
     }
-    return b * b * b * b / 2 * sum * PI / POINTS;
+    return b * b * b * b / 2 * sum * FACET_PI / POINTS;
 }

@@ -6,8 +6,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI RING_PI
-
 /* Where log_q lies this far below its peak it adds nothing that a sum of doubles could hold. */
 #define NEGLIGIBLE 150.0
 /* Variation of log_q on one piece: 8 Gauss points integrate exp over it to 2e-15. */
@@ -150,8 +148,8 @@ static void add_far(struct psi *psi, const struct slope_pieces *pieces, size_t p
         power *= x2;
         b *= (2 * (double)k + 1) / (2 * (double)k + 2);
     }
-    psi->value += sum / PI - v * piece->mass / 2;
-    psi->derivative += (v > 0 ? slope / (v * PI) : 0) - piece->mass / 2;
+    psi->value += sum / FACET_PI - v * piece->mass / 2;
+    psi->derivative += (v > 0 ? slope / (v * FACET_PI) : 0) - piece->mass / 2;
 }
 
 double facet_slope_pieces_far(const struct slope_pieces *pieces, size_t p, double v)

@@ -348,7 +348,7 @@ struct slope_turn facet_slope_along_ring(double c, double s, struct slope_share 
         cos_m = -c / s;
         sin_m = sqrt((s - c) * (s + c)) / s;
     }
-    double end = s > fabs(c) ? atan2(sin_m, cos_m) : RING_PI, all = c * end + s * sin_m;
+    double end = s > fabs(c) ? atan2(sin_m, cos_m) : FACET_PI, all = c * end + s * sin_m;
     double plain = s > fabs(c) ? 0 : c - s, bent = s > fabs(c) ? -cos_m : 1;
     double d = end * cbrt(q), wanted = q * all;
     if (!(all > 0)) return (struct slope_turn){1, 0}; /* seen edge-on, by rounding */

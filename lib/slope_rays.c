@@ -7,8 +7,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 enum { POINTS = 4 };
 
 /* The four points' rule on [0, 1]. */
@@ -85,7 +83,7 @@ static double along_row(const struct slope_ray_view *v, size_t k)
 {
     const struct slope_rays *rays = v->rays;
     size_t row = k % rays->rows, knots = rays->cells + 1;
-    double turn = (double)k / (double)rays->rows, g = v->s * cos(PI * (turn - v->psi)),
+    double turn = (double)k / (double)rays->rows, g = v->s * cos(FACET_PI * (turn - v->psi)),
            end = end_of(v->table, v->c, g);
     const double *mass = rays->mass + row * knots, *moment = rays->moment + row * knots;
     if (end >= 1) return v->c * mass[rays->cells] + g * moment[rays->cells];
@@ -158,7 +156,7 @@ static struct ray ray_at(const struct slope_ray_view *v, double turn)
     size_t rows = v->rays->rows, k = (size_t)(turn * (double)rows);
     double t = turn * (double)rows - (double)k;
     struct ray ray = {
-        .view = v, .g = v->s * cos(PI * (turn - v->psi)), .azimuth = azimuth_of(turn)};
+        .view = v, .g = v->s * cos(FACET_PI * (turn - v->psi)), .azimuth = azimuth_of(turn)};
     for (size_t j = 0; j < 4; j++) ray.row[j] = (k + rows - 1 + j) % rows;
     ray.share[0] = -t * (t - 1) * (t - 2) / 6;
     ray.share[1] = (t + 1) * (t - 1) * (t - 2) / 2;
@@ -218,6 +216,6 @@ struct slope_ray_place facet_slope_ray_draw(const struct slope_ray_view *v, doub
     double share = mass > 0 ? fmax(0, fmin(1, (target - start) / mass)) : 0;
     double u = invert_within(&ray, (double)low / cells,
                              low == last ? end : ((double)low + 1) / cells, share);
-    return (struct slope_ray_place){PI * turn, u,
+    return (struct slope_ray_place){FACET_PI * turn, u,
                                     exp(slope_sheet_at(v->table->turned_q, u, ray.azimuth))};
 }

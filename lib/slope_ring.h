@@ -9,8 +9,6 @@
 
 #include <math.h>
 
-#define RING_PI 3.14159265358979323846
-
 static inline double ring_log_q(struct kernel_cubic log_q, size_t cell, double u)
 {
     const double *c = log_q.c + 4 * cell;
@@ -26,7 +24,7 @@ static inline double ring_slope(double scale, double u)
 /* Density of rings per u: 2 pi r P(r) dr/du with P = exp(log_q) (1 - u)^4. */
 static inline double ring_density(double scale, double log_q, double u)
 {
-    return 2 * RING_PI * scale * scale * u * (1 - u) * exp(log_q);
+    return 2 * FACET_PI * scale * scale * u * (1 - u) * exp(log_q);
 }
 
 /*
@@ -46,7 +44,7 @@ static inline struct ring ring_seen(double r, double rest)
             t * t2 * (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
     else
         bracket = sqrt(rest * (2 - rest)) - t * (1 - rest);
-    return (struct ring){r * bracket / RING_PI, -t / RING_PI};
+    return (struct ring){r * bracket / FACET_PI, -t / FACET_PI};
 }
 
 /*

@@ -7,8 +7,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define PI 3.14159265358979323846
-
 #define SCALE_MIN 1e-8
 #define SCALE_MAX 1e4
 #define LOG_D_ZERO (-700.0) /* and below counts as D = 0 (facet_table.h) */
@@ -41,7 +39,7 @@ static struct psi_node psi_at(const struct slope_pieces *pieces, double w)
 static double psi_limit(const struct slope_pieces *pieces)
 {
     const double *c = pieces->log_q.c + 4 * (pieces->log_q.cells - 1);
-    double y = c[0] + c[1] + c[2] + c[3] + log(PI / 4 * pieces->scale * pieces->scale);
+    double y = c[0] + c[1] + c[2] + c[3] + log(FACET_PI / 4 * pieces->scale * pieces->scale);
     return fmax(y, KERNEL_LOG_ZERO);
 }
 

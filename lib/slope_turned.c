@@ -5,8 +5,6 @@
 
 #include <math.h>
 
-#define PI 3.14159265358979323846
-
 enum { POINTS_U = 4, POINTS_TURN = 3, PARTS_MAX = 64 };
 /* Variation of log_q on one part: its Gauss rules integrate exp over it to 1e-9 and 1e-8. */
 #define VARIATION_U 1.0
@@ -60,7 +58,7 @@ static void measure_gain(struct plane *p, const struct patch *patch, size_t i)
 {
     struct kernel_sheet sheet = p->table->turned_q;
     double per_u = (LOOKS - 1) * (double)sheet.cells,
-           per_turn = (LOOKS - 1) * (double)sheet.turns / PI;
+           per_turn = (LOOKS - 1) * (double)sheet.turns / FACET_PI;
     for (int k = 0; k < LOOKS; k++) {
         for (int m = 0; m < LOOKS; m++) {
             double u = ((double)i + m / (LOOKS - 1.)) / (double)sheet.cells, y = patch->y[k][m];
@@ -97,7 +95,7 @@ static void add_patch(struct plane *p, size_t i, size_t j)
     for (size_t k = 0; k < patch.parts_turn * POINTS_TURN; k++) {
         double azimuth = (double)j / (double)sheet.turns +
                          da * ((double)(k / POINTS_TURN) + p->node_turn[k % POINTS_TURN]);
-        p->sums.mass += 2 * PI * da * p->weight_turn[k % POINTS_TURN] *
+        p->sums.mass += 2 * FACET_PI * da * p->weight_turn[k % POINTS_TURN] *
                         along_line(p, (double)i / (double)sheet.cells, du, patch.parts_u, azimuth);
     }
 }
