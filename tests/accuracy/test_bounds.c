@@ -292,7 +292,7 @@ TEST(densities_of_normals_that_turn_their_back)
     rng_seed(&rng, 77);
     for (size_t k = 0; k < n; k++) {
         double alpha = 0.05 + 0.3 * rng_uniform(&rng), lean = alpha * (4 + 8 * rng_uniform(&rng)), wi[3], wo[3], pdf, bound;
-        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {alpha, alpha, 0, 0, lean}, .fresnel = {.channels = 1}};
+        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {.alpha_x = alpha, .alpha_y = alpha, .slope_y = lean}, .fresnel = {.channels = 1}};
         facet_brdf *brdf = NULL;
         struct reference x;
         draw_direction(&rng, 0.05, wo);
