@@ -29,6 +29,8 @@ struct reference_roughness {
     quad alpha_x, alpha_y, rho, kappa;
 };
 struct reference_roughness reference_roughness(const facet_roughness *roughness);
+/* How far it is from an ellipse, in units of the slopes along its axes. */
+double reference_shape_error(const facet_roughness *roughness, const facet_ellipse *ellipse);
 
 /* The roughness seen from k: standard slope statistics along k (thesis eq. 3.3). */
 struct reference_view {

@@ -6,33 +6,7 @@
 
 #include <float.h>
 #include <math.h>
-#include <quadmath.h>
 #include <string.h>
-
-/* The map of the tests' own: [xx xy; xy yy] = R diag(alpha_1^2, alpha_2^2) R^T, the major axis at
- * -phi. */
-struct shape {
-    quad xx, yy, xy;
-};
-
-static struct shape exact_shape(const facet_ellipse *e)
-{
-    quad c = cosq(e->phi), s = sinq(-(quad)e->phi), one = (quad)e->alpha_1 * e->alpha_1,
-         two = (quad)e->alpha_2 * e->alpha_2;
-    return (struct shape){one * c * c + two * s * s, one * s * s + two * c * c,
-                          (one - two) * c * s};
-}
-
-/* How far the roughness is from the ellipse, in units of the slopes along its axes. */
-static quad shape_error(const facet_roughness *r, const facet_ellipse *e)
-{
-    struct shape s = exact_shape(e);
-    struct reference_roughness a = reference_roughness(r);
-    quad det = (quad)e->alpha_1 * e->alpha_1 * e->alpha_2 * e->alpha_2;
-    quad xx = fabsq(a.alpha_x * a.alpha_x - s.xx), yy = fabsq(a.alpha_y * a.alpha_y - s.yy);
-    quad xy = fabsq(a.rho * a.alpha_x * a.alpha_y - s.xy);
-    return (xx * s.yy + yy * s.xx + 2 * xy * fabsq(s.xy)) / (2 * det);
-}
 
 static double uniform(struct rng *rng, double low, double high)
 {
@@ -60,7 +34,7 @@ TEST(a_roughness_keeps_its_ellipse)
         facet_ellipse e;
         facet_roughness r;
         if (!draw_ellipse(&rng, i, &e, &r)) continue;
-        double error = (double)shape_error(&r, &e);
+        double error = reference_shape_error(&r, &e);
         kept++;
         worst = check_worse(worst, error);
         if (!(error <= 1e-18))
