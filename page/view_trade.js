@@ -234,7 +234,7 @@ export function create({problem}) {
         try {
             current = await measure({tolerance: state.tolerance}, signal);
             const text = await ask("v1/eval", {...request(), wi: vectors(PAIRS), tolerance: state.tolerance}, signal);
-            Object.assign(current, {json: text.size, ns: costOf(tiers, current.tier, state.material.ndf)});
+            Object.assign(current, {json: text.size, ns: costOf(tiers, current.tier, state.material)});
             problem.clear();
         } catch (error) {
             if (!(error instanceof Problem)) throw error;

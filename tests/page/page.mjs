@@ -129,6 +129,7 @@ async function trade() {
         (await row("Tier")) === "fast" && (await row("On the wire")).startsWith("4 B raw"),
         await row("Tier"),
     );
+    check("trade tells what one costs", / ns$/.test(await row("One evaluation")), await row("One evaluation"));
     await shot(page, "trade");
     await accessible(page, "trade");
     const answer = JSON.parse(await runCurl(page, 0));
