@@ -82,6 +82,14 @@ static bool is_absent(const struct field *field, const void *object)
     }
 }
 
+bool api_field_is_given(const struct field *field, const void *object)
+{
+    const bool has_index = field->type == FIELD_ENUM || field->type == FIELD_UNION;
+    if (is_absent(field, object)) return false;
+    return !(has_index && field->presence == FIELD_DEFAULT &&
+             *(const int *)((const char *)object + field->offset) == (int)field->initial);
+}
+
 static void encode_value(struct text *text, const struct field *field, const void *object)
 {
     const void *at = (const char *)object + field->offset;

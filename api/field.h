@@ -117,6 +117,9 @@ bool api_decode_query(const char *query, const json_t *json, const struct field 
 /* Every member absent or at its default. */
 void api_field_clear(const struct field *fields, void *object);
 
+/* Whether a member says more than that it is absent or at its default; for words, options and numbers. */
+bool api_field_is_given(const struct field *field, const void *object);
+
 /* Print a struct as a JSON object. */
 void api_encode(struct text *text, const struct field *fields, const void *object);
 

@@ -1,36 +1,13 @@
 #include "lambert.h"
 
-#include <math.h>
+#include <string.h>
 
 /* The first member that says something of microfacets; NULL: none. */
 static const char *member_of_facets(const struct material *m)
 {
-    const struct {
-        bool given;
-        const char *name;
-    } members[] = {
-        {m->slopes != NULL, "slopes"},
-        {!isnan(m->alpha), "alpha"},
-        {!isnan(m->alpha_x), "alpha_x"},
-        {!isnan(m->alpha_y), "alpha_y"},
-        {!isnan(m->rho), "rho"},
-        {!isnan(m->alpha_1), "alpha_1"},
-        {!isnan(m->alpha_2), "alpha_2"},
-        {!isnan(m->phi), "phi"},
-        {m->moments.values != NULL, "moments"},
-        {!isnan(m->height_scale), "height_scale"},
-        {m->jacobian.values != NULL, "jacobian"},
-        {m->base != NULL, "base"},
-        {m->mean_slope.values != NULL, "mean_slope"},
-        {m->masking != FACET_SMITH, "masking"},
-        {m->shear != FACET_ENERGY_SAFE, "shear"},
-        {m->fresnel.form == FRESNEL_BY_KEY, "fresnel"},
-        {m->diffuse.channels != 0, "diffuse"},
-        {m->transmission, "transmission"},
-        {m->transport >= 0, "transport"},
-    };
-    for (size_t i = 0; i < sizeof members / sizeof *members; i++)
-        if (members[i].given) return members[i].name;
+    for (const struct field *field = api_material_fields; field->type; field++)
+        if (strcmp(field->name, "ndf") && strcmp(field->name, "reflectance") && api_field_is_given(field, m))
+            return field->name;
     return NULL;
 }
 

@@ -411,14 +411,13 @@ static bool always(void *asked)
     return true;
 }
 
-TEST(cancelled_requests_end)
+static void check_ends(const char *path, const char *body)
 {
-    static const char body[] = "{" GGX ",\"wi\":{\"random\":{\"n\":100000}},\"wo\":[[0,0,1]]}";
     int asked = 0;
     struct answer a = ask_with((struct api_request){.method = "POST",
-                                                    .path = "/v1/eval",
+                                                    .path = path,
                                                     .body = body,
-                                                    .body_size = sizeof body - 1,
+                                                    .body_size = strlen(body),
                                                     .cancelled = always,
                                                     .user = &asked});
     CHECK_INT(a.response.status, 503);
@@ -426,20 +425,15 @@ TEST(cancelled_requests_end)
     answer_clear(&a);
 }
 
+TEST(cancelled_requests_end)
+{
+    check_ends("/v1/eval", "{" GGX ",\"wi\":{\"random\":{\"n\":100000}},\"wo\":[[0,0,1]]}");
+}
+
 /* The look at computed directions, before a tier is chosen (none would serve), ends as well. */
 TEST(cancelled_surveys_end)
 {
-    static const char body[] = "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}";
-    int asked = 0;
-    struct answer a = ask_with((struct api_request){.method = "POST",
-                                                    .path = "/v1/sample",
-                                                    .body = body,
-                                                    .body_size = sizeof body - 1,
-                                                    .cancelled = always,
-                                                    .user = &asked});
-    CHECK_INT(a.response.status, 503);
-    CHECK_INT(asked, 1);
-    answer_clear(&a);
+    check_ends("/v1/sample", "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}");
 }
 
 TEST(a_table_of_the_ggx_shape_is_ggx)
