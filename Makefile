@@ -320,13 +320,13 @@ bench: ## speed and error of every quantity, tier and instruction set against th
 	@cat build/bench/bench.md; echo; echo "see build/bench.json, build/bench/bench.md, build/bench/pareto.png"
 
 BENCH_SAMPLERS := $(B)/tests/bench/samplers
-$(BENCH_SAMPLERS): $(addprefix $(B)/tests/,bench/samplers.o report/samplers.o) $(B)/libfacet.a
+$(BENCH_SAMPLERS): $(addprefix $(B)/tests/,bench/samplers.o report/samplers.o support/rng.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
 bench-samplers: $(BENCH_SAMPLERS) ## nanoseconds of a sample, each method against its own scalar double form: asked and measured
 	@$<
 
 BENCH_TRANSMISSION := $(B)/tests/bench/transmission
-$(BENCH_TRANSMISSION): $(addprefix $(B)/tests/,bench/transmission.o support/textbook.o support/normals.o) $(B)/libfacet.a
+$(BENCH_TRANSMISSION): $(addprefix $(B)/tests/,bench/transmission.o support/textbook.o support/normals.o support/rng.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
 bench-transmission: $(BENCH_TRANSMISSION) ## nanoseconds a direction of rough glass in every tier, against its reflection and scalar formulas
 	@$<

@@ -7,9 +7,9 @@
 #include "facet.h"
 
 #include "../report/samplers.h"
+#include "rng.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
@@ -38,22 +38,15 @@ static double wo[N][3], u[2][N];
 static float wo_float[3][N], u_float[2][N], wi[3][N], weight[N], pdf[N];
 static volatile double sink;
 
-static double uniform(uint64_t *state)
-{
-    uint64_t z = *state += UINT64_C(0x9e3779b97f4a7c15);
-    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
-    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
 static void draw(void)
 {
-    uint64_t state = 1;
+    struct rng rng;
+    rng_seed(&rng, 1);
     for (int k = 0; k < N; k++) {
-        double z = uniform(&state), phi = 6.283185307179586 * uniform(&state), s = sqrt((1 - z) * (1 + z));
+        double z = rng_uniform(&rng), phi = 6.283185307179586 * rng_uniform(&rng), s = sqrt((1 - z) * (1 + z));
         wo[k][0] = s * cos(phi), wo[k][1] = s * sin(phi), wo[k][2] = z;
         for (int j = 0; j < 3; j++) wo_float[j][k] = (float)wo[k][j];
-        for (int j = 0; j < 2; j++) u_float[j][k] = fminf((float)(u[j][k] = uniform(&state)), 0x1.fffffep-1f);
+        for (int j = 0; j < 2; j++) u_float[j][k] = fminf((float)(u[j][k] = rng_uniform(&rng)), 0x1.fffffep-1f);
     }
 }
 

@@ -6,10 +6,10 @@
  * the pairs are transmission, half of either are from below.
  */
 #include "facet_transmission.h"
+#include "rng.h"
 #include "textbook.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <time.h>
 
@@ -19,24 +19,17 @@ static const double pi = 3.14159265358979323846;
 static double glass[6][N], upper[6][N], u[3][N], out[2][N], sampled[5][N];
 static volatile double sink;
 
-static double uniform(uint64_t *state)
-{
-    uint64_t z = *state += UINT64_C(0x9e3779b97f4a7c15);
-    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
-    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
 static void draw(void)
 {
-    uint64_t state = 1;
+    struct rng rng;
+    rng_seed(&rng, 1);
     for (int k = 0; k < N; k++) {
         for (int d = 0; d < 6; d += 3) {
-            double z = 2 * uniform(&state) - 1, phi = 2 * pi * uniform(&state), s = sqrt((1 - z) * (1 + z));
+            double z = 2 * rng_uniform(&rng) - 1, phi = 2 * pi * rng_uniform(&rng), s = sqrt((1 - z) * (1 + z));
             const double v[3] = {s * cos(phi), s * sin(phi), z};
             for (int j = 0; j < 3; j++) glass[d + j][k] = v[j], upper[d + j][k] = j == 2 ? fabs(z) : v[j];
         }
-        for (int j = 0; j < 3; j++) u[j][k] = uniform(&state);
+        for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng);
     }
 }
 
