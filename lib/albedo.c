@@ -6,6 +6,9 @@
  * over the slopes whose wi is lit.  fr cos/D holds masking and Fresnel alone: it does
  * not feel the rounding of wi that D does when alpha is small, and the peak P of
  * the mirror direction always has width 1.  Polar coordinates, with u = r/(b + r).
+ *
+ * Longer than most files: the albedo of a direction and its mean walk one struct, which would
+ * have to be a header's if they were two.
  */
 #include "facet_albedo.h"
 
