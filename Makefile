@@ -219,6 +219,10 @@ CHECK_ISAS ?= $(ISAS)
 check: $(TESTS) check-layers
 	@tests/check.sh $(shell nproc 2>/dev/null || echo 2) '$(CHECK_ISAS)' $(TESTS_ONCE) $(TESTS_SERVER) -- $(TESTS_ISA)
 
+# CONTRIBUTING's style, as far as a program can tell
+check-format:
+	@find lib api server tests page -name '*.[ch]' | xargs -n 30 clang-format-14 --dry-run -Werror && echo 'ok format'
+
 # lib knows libc and libm; api knows no transport; kernels call nothing; each exports its own prefix only
 check-layers: $(B)/libfacet.a $(B)/libapi.a
 	@bad=0; \
@@ -375,6 +379,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers bench-transmission chi2 test-page bench-million bench-fit
+.PHONY: all bench soak report openapi clients check check-layers check-format clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers bench-transmission chi2 test-page bench-million bench-fit
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

@@ -13,11 +13,11 @@
 #include <stdint.h>
 
 struct api_request {
-    const char *method;       /* "GET", "POST", ... */
-    const char *path;         /* "/v1/eval", without the query */
-    const char *query;        /* raw, still percent-encoded; NULL or "" if none */
-    const char *content_type; /* NULL if the client sent none */
-    const char *accept;       /* NULL if the client sent none */
+    const char *method;          /* "GET", "POST", ... */
+    const char *path;            /* "/v1/eval", without the query */
+    const char *query;           /* raw, still percent-encoded; NULL or "" if none */
+    const char *content_type;    /* NULL if the client sent none */
+    const char *accept;          /* NULL if the client sent none */
     const char *accept_encoding; /* NULL if the client sent none */
     const void *body;
     size_t body_size;
@@ -51,22 +51,24 @@ struct api_header {
 };
 
 struct api_response {
-    int status;               /* HTTP status */
-    const char *content_type; /* static storage */
-    void *body;               /* owned; api_response_clear frees it */
-    size_t body_size;         /* with a stream: of all its bytes, or API_SIZE_UNKNOWN */
+    int status;                /* HTTP status */
+    const char *content_type;  /* static storage */
+    void *body;                /* owned; api_response_clear frees it */
+    size_t body_size;          /* with a stream: of all its bytes, or API_SIZE_UNKNOWN */
     struct api_stream *stream; /* instead of a body: api_stream_next; api_response_clear frees it */
     struct api_trace trace;
     size_t header_count;
-    struct api_header headers[API_HEADERS_MAX]; /* last and large: only header_count of them count */
+    struct api_header
+        headers[API_HEADERS_MAX]; /* last and large: only header_count of them count */
 };
 
 /* What the server must know before the body arrives. */
 struct api_route {
-    bool found;       /* false: api_handle will answer 404 or 405, whatever the body */
-    bool is_long;     /* run on a worker, not on the network thread, unless api_is_short */
-    size_t body_max;  /* larger bodies: api_refuse with 413 */
-    const char *path; /* the endpoint's, static storage, for the server's counts; NULL if not found */
+    bool found;      /* false: api_handle will answer 404 or 405, whatever the body */
+    bool is_long;    /* run on a worker, not on the network thread, unless api_is_short */
+    size_t body_max; /* larger bodies: api_refuse with 413 */
+    const char
+        *path; /* the endpoint's, static storage, for the server's counts; NULL if not found */
 };
 
 /* Once per process, before the first request / after the last.  False: out of memory. */

@@ -13,7 +13,7 @@
 struct arena {
     struct arena_block *blocks;
     struct arena_deferred *deferred;
-    size_t room; /* bytes it may still take from the system */
+    size_t room;                     /* bytes it may still take from the system */
     const struct document *document; /* the request it was opened for (array.h), once it is read */
 };
 

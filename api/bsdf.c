@@ -20,7 +20,7 @@ struct bsdf {
     int reduction; /* symmetric halves or quarters the azimuths leave out; 1: none */
     bool isotropic, jacobian;
     struct image ndf, sigma, vndf, colour; /* colour: 3 images per direction */
-    const double *across, *up, *norm; /* vndf cumulated along rows [slice][y][x], over rows
+    const double *across, *up, *norm;      /* vndf cumulated along rows [slice][y][x], over rows
                                          [slice][y]; what each slice was divided by, inverted */
 };
 
@@ -166,7 +166,8 @@ static bool count_colours(struct reader *r, const struct bsdf *bsdf, struct data
             positive += at[0] > 0 || at[c->size] > 0 || at[2 * c->size] > 0;
         }
     }
-    return positive || api_problem(r->problem, 422, "the file holds no data: no colour is positive");
+    return positive ||
+           api_problem(r->problem, 422, "the file holds no data: no colour is positive");
 }
 
 static bool read_jacobian(struct reader *r, struct bsdf *bsdf)
@@ -307,7 +308,8 @@ static double to_unit(double theta)
 static void ask(const struct bsdf *b, double i[3], double o[3], double rgb[3])
 {
     if (b->reduction >= 2) { /* into the measured part, by symmetry */
-        double flip_y = i[1] < 0 ? 1 : -1, flip_x = b->reduction == 4 ? (i[0] < 0 ? 1 : -1) : flip_y;
+        double flip_y = i[1] < 0 ? 1 : -1,
+               flip_x = b->reduction == 4 ? (i[0] < 0 ? 1 : -1) : flip_y;
         i[0] *= flip_x, i[1] *= flip_y, o[0] *= flip_x, o[1] *= flip_y;
     }
     double h[3] = {i[0] + o[0], i[1] + o[1], i[2] + o[2]};

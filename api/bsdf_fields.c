@@ -49,7 +49,8 @@ static bool read_field(const struct tensor_file *file, size_t *at, const unsigne
     if (file->size - *at < 8 * tensor->dimensions) return false;
     for (size_t k = 0; k < tensor->dimensions; k++) {
         uint64_t n = api_little_u64(b + *at + 8 * k);
-        if (n == 0 || n > TENSOR_NUMBERS_MAX || tensor->count > TENSOR_NUMBERS_MAX / n) return false;
+        if (n == 0 || n > TENSOR_NUMBERS_MAX || tensor->count > TENSOR_NUMBERS_MAX / n)
+            return false;
         tensor->count *= n;
         if (k < TENSOR_DIMENSIONS_MAX) tensor->shape[k] = n;
     }
@@ -87,6 +88,5 @@ bool api_tensor_find(const struct tensor_file *file, const char *name, unsigned 
                      size_t dimensions, struct tensor *tensor, struct problem *problem)
 {
     if (!api_tensor_look(file, name, type, dimensions, tensor, problem)) return false;
-    return tensor->bytes ||
-           api_problem(problem, 422, "the tensor file has no field \"%s\"", name);
+    return tensor->bytes || api_problem(problem, 422, "the tensor file has no field \"%s\"", name);
 }

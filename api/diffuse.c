@@ -37,20 +37,15 @@ static double normal_reflectance(const facet_fresnel *f)
     for (size_t c = 0; c < f->channels; c++) {
         double eta = f->eta[c], k = f->k[c];
         switch (f->kind) {
-        case FACET_FRESNEL_SCHLICK:
-            sum += f->f0[c];
-            break;
+        case FACET_FRESNEL_SCHLICK: sum += f->f0[c]; break;
         case FACET_FRESNEL_DIELECTRIC:
             sum += (eta - 1) * (eta - 1) / ((eta + 1) * (eta + 1));
             break;
         case FACET_FRESNEL_CONDUCTOR:
             sum += ((eta - 1) * (eta - 1) + k * k) / ((eta + 1) * (eta + 1) + k * k);
             break;
-        case FACET_FRESNEL_TABLE:
-            sum += fmin(f->values[c][f->count - 1], 1);
-            break;
-        default:
-            sum += 1;
+        case FACET_FRESNEL_TABLE: sum += fmin(f->values[c][f->count - 1], 1); break;
+        default: sum += 1;
         }
     }
     return sum / (double)f->channels;
@@ -86,7 +81,8 @@ static void add_lambert(const struct surface *surface, facet_vec3_in wi, facet_v
 static void mix_pdf(const struct surface *surface, facet_vec3_in wi, size_t n, double *pdf)
 {
     double share = api_diffuse_share(surface);
-    for (size_t i = 0; i < n; i++) pdf[i] = (1 - share) * pdf[i] + share / FACET_PI * fmax(wi.z[i], 0);
+    for (size_t i = 0; i < n; i++)
+        pdf[i] = (1 - share) * pdf[i] + share / FACET_PI * fmax(wi.z[i], 0);
 }
 
 /* Of a Lambert surface there is none: fr, fr_cos and pdf start at 0. */
@@ -127,7 +123,8 @@ enum { BLOCK = 256 };
 /* One cosine sample, and its half vector. */
 static void cosine(const facet_samples *out, facet_vec3_in wo, size_t i, double u1, double u2)
 {
-    double s = sqrt(u1), x = s * cos(2 * FACET_PI * u2), y = s * sin(2 * FACET_PI * u2), z = sqrt(1 - u1);
+    double s = sqrt(u1), x = s * cos(2 * FACET_PI * u2), y = s * sin(2 * FACET_PI * u2),
+           z = sqrt(1 - u1);
     out->wi.x[i] = x, out->wi.y[i] = y, out->wi.z[i] = z;
     if (!out->h.x) return;
     x += wo.x[i], y += wo.y[i], z += wo.z[i];

@@ -215,8 +215,7 @@ static bool normalise(const struct place *place, struct decoder *decoder, struct
         vector_of(plan, i, v);
         double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
         if (fabs(length - 1) <= exact_within) continue;
-        if (!isfinite(length))
-            return api_problem_at(decoder->problem, &at, "is not finite");
+        if (!isfinite(length)) return api_problem_at(decoder->problem, &at, "is not finite");
         if (!(fabs(length - 1) <= unit_within))
             return api_problem_at(decoder->problem, &at, "has length %.9g, must have length 1",
                                   length);
@@ -335,7 +334,8 @@ void api_plan_fill(const struct plan *plan, size_t start, size_t n, double *x, d
     }
 }
 
-void api_plan_fill_floats(const struct plan *plan, size_t start, size_t n, float *x, float *y, float *z)
+void api_plan_fill_floats(const struct plan *plan, size_t start, size_t n, float *x, float *y,
+                          float *z)
 {
     size_t i = 0;
     for (; !plan->values && i + 4 <= n; i += 4) {

@@ -35,19 +35,24 @@ static const struct field request_fields[] = {
      .doc = "also the cosine-weighted mean over the hemisphere of wo"},
     CHANNELS_FIELD(struct albedo_request),
     FLAT_FIELD(struct albedo_request),
-    {.name = "tolerance", .offset = offsetof(struct albedo_request, accuracy.tolerance),
-     .type = FIELD_NUMBER, .min = 1e-15, .max = 0.1,
+    {.name = "tolerance",
+     .offset = offsetof(struct albedo_request, accuracy.tolerance),
+     .type = FIELD_NUMBER,
+     .min = 1e-15,
+     .max = 0.1,
      .doc = "largest relative error accepted in each number, quadrature included; 1e-6 by default"},
     {0},
 };
 
 static const struct field response_fields[] = {
     {MEMBER(struct albedo_response, albedo), FIELD_PRINTED,
-     .doc = "integral of fr cos(theta_i) over wi, for each wo; 0 below the horizon. With transmission: "
-            "over wi on wo's side, whichever it is"},
+     .doc =
+         "integral of fr cos(theta_i) over wi, for each wo; 0 below the horizon. With transmission: "
+         "over wi on wo's side, whichever it is"},
     {MEMBER(struct albedo_response, transmitted), FIELD_PRINTED,
-     .doc = "with transmission: the same over wi on the other side. With transport importance the two "
-            "add up to 1 minus what masking loses"},
+     .doc =
+         "with transmission: the same over wi on the other side. With transport importance the two "
+         "add up to 1 minus what masking loses"},
     {MEMBER(struct albedo_response, average), FIELD_COLOUR, .min = 0, .max = 0x1p1000,
      .doc = "1/pi integral of albedo cos(theta_o) over wo"},
     COUNT_FIELD(struct albedo_response),
@@ -101,7 +106,8 @@ static facet_status integrate(struct call *call, struct job *job)
 {
     if (job->surface.is_lambert) return FACET_OK;
     struct api_trace *trace = &call->response->trace;
-    double tolerance = isnan(job->in->accuracy.tolerance) ? TOLERANCE_DEFAULT : job->in->accuracy.tolerance;
+    double tolerance = isnan(job->in->accuracy.tolerance) ? TOLERANCE_DEFAULT
+                                                          : job->in->accuracy.tolerance;
     size_t each = job->count ? LIMIT_ALBEDO_EVALUATIONS / job->count : 0, spent = 0, mean = 0;
     facet_albedo_options options = {
         .tolerance = fmax(0.5 * tolerance, 1e-15), /* the rest is for evaluation and printing */
@@ -110,9 +116,11 @@ static facet_status integrate(struct call *call, struct job *job)
     };
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     double start = api_clock();
-    facet_status status =
-        job->transmitted ? facet_bsdf_albedo(job->surface.bsdf, wo, job->count, &options, job->value, job->transmitted, &spent)
-                         : facet_albedo(&job->surface.facet, wo, job->count, &options, job->value, &spent);
+    facet_status status = job->transmitted
+                              ? facet_bsdf_albedo(job->surface.bsdf, wo, job->count, &options,
+                                                  job->value, job->transmitted, &spent)
+                              : facet_albedo(&job->surface.facet, wo, job->count, &options,
+                                             job->value, &spent);
     options.evaluations_max = LIMIT_ALBEDO_EVALUATIONS / 2;
     if (!status && job->in->average)
         status = facet_albedo_average(&job->surface.facet, &options, &job->mean, &mean);
@@ -164,12 +172,14 @@ static const char *obstacle(const struct job *job)
 static bool promise(struct call *call, struct job *job)
 {
     struct tolerance_request request = {job->in->accuracy.tolerance, -1};
-    if (!api_promise(&request, bound_of, job, obstacle(job), call->problem, &job->promise)) return false;
+    if (!api_promise(&request, bound_of, job, obstacle(job), call->problem, &job->promise))
+        return false;
     api_promise_fewer_digits(&request, &job->promise);
     return true;
 }
 
-static bool print_values(struct call *call, struct job *job, facet_albedo_value *values, struct results *results)
+static bool print_values(struct call *call, struct job *job, facet_albedo_value *values,
+                         struct results *results)
 {
     api_results_open(results, call->arena, job->channels, job->in->flat, job->promise.digits);
     for (size_t i = 0; i < job->count; i++) {
@@ -205,14 +215,18 @@ static bool prepare(struct call *call, struct job *job)
     const struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0};
     const struct albedo_request *in = job->in;
     bool has_wo = in->wo.form >= 0;
-    if (!has_wo && !in->average) return api_problem_at(call->problem, &wo, "or average is required");
+    if (!has_wo && !in->average)
+        return api_problem_at(call->problem, &wo, "or average is required");
     if (has_wo && !api_plan(&in->wo, &wo, &decoder, &job->wo)) return false;
     job->count = has_wo ? job->wo.count : 0;
     if (job->count > LIMIT_ALBEDO_DIRECTIONS)
         return api_problem_at(call->problem, &wo, "%zu directions are outside [1, %d]", job->count,
                               LIMIT_ALBEDO_DIRECTIONS);
     if (!api_material_open(&in->material, &material, &decoder, &job->surface) ||
-        (in->average && !api_transmission_refuse(&in->material, &material, "true has no mean albedo: ask for directions, without average", call->problem)))
+        (in->average &&
+         !api_transmission_refuse(&in->material, &material,
+                                  "true has no mean albedo: ask for directions, without average",
+                                  call->problem)))
         return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
     if (!job->channels) return false;
@@ -221,7 +235,8 @@ static bool prepare(struct call *call, struct job *job)
             return api_problem_memory(call->problem);
     job->value = api_arena_array(call->arena, job->count + 1, sizeof *job->value);
     if (!job->value) return api_problem_memory(call->problem);
-    if (job->surface.bsdf && !(job->transmitted = api_arena_array(call->arena, job->count + 1, sizeof *job->transmitted)))
+    if (job->surface.bsdf && !(job->transmitted = api_arena_array(call->arena, job->count + 1,
+                                                                  sizeof *job->transmitted)))
         return api_problem_memory(call->problem);
     if (has_wo) api_plan_fill(&job->wo, 0, job->count, job->from[0], job->from[1], job->from[2]);
     return true;
@@ -239,7 +254,8 @@ static bool handle(struct call *call)
     call->response->trace.tier = api_tier_names[FACET_PRECISE];
     if (!compute(call, job) || !promise(call, job) || !print(call, job, out)) return false;
     out->count = (int64_t)job->count;
-    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN, NAN};
+    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound,
+                                      FACET_FLOOR, NAN, NAN};
     return true;
 }
 

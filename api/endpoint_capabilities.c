@@ -49,14 +49,16 @@ static const char *const quantity_names[] = {
 
 static const struct field model_fields[] = {
     {F(model, ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes; lambert has none"},
-    {F(model, sampler), FIELD_TEXT, .doc = "how it is sampled unless asked otherwise, if it can be"},
+    {F(model, sampler), FIELD_TEXT,
+     .doc = "how it is sampled unless asked otherwise, if it can be"},
     {F(model, samplers), FIELD_SET, .names = api_sampler_names,
      .doc = "all the ways it can be sampled, if it can be"},
     {F(model, masking), FIELD_SET, .names = api_masking_names, .doc = "maskings, of microfacets"},
     {F(model, shear), FIELD_SET, .names = api_shear_names, .doc = "forms of shear, of microfacets"},
     {F(model, transmission), FIELD_BOOL, FIELD_MUST,
-     .doc = "also as a rough dielectric with transmission: smith maskings, energy_safe, visible normals; "
-            "the tiers' domains say what each has of it"},
+     .doc =
+         "also as a rough dielectric with transmission: smith maskings, energy_safe, visible normals; "
+         "the tiers' domains say what each has of it"},
     {0},
 };
 
@@ -69,7 +71,8 @@ static const struct field quantity_fields[] = {
 };
 
 static const struct field speed_fields[] = {
-    {F(speed, ndf), FIELD_TEXT, FIELD_MUST, .doc = "an isotropic material, alpha 0.3, F = 1; of transmission: eta 1.5"},
+    {F(speed, ndf), FIELD_TEXT, FIELD_MUST,
+     .doc = "an isotropic material, alpha 0.3, F = 1; of transmission: eta 1.5"},
     {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
     {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
      .doc = "one fr, in a batch, measured once, on this machine"},
@@ -80,10 +83,12 @@ static const struct field speed_fields[] = {
 
 static const struct field tier_fields[] = {
     {F(tier, name), FIELD_TEXT, FIELD_MUST, .doc = "as in \"tier\" and \"accuracy\""},
-    {F(tier, domain), FIELD_TEXT, FIELD_MUST, .doc = "where it promises anything; elsewhere the next tier is taken"},
+    {F(tier, domain), FIELD_TEXT, FIELD_MUST,
+     .doc = "where it promises anything; elsewhere the next tier is taken"},
     {F(tier, models), FIELD_LIST, FIELD_MUST, .fields = speed_fields, .size = sizeof(struct speed),
      .doc = "what it promises and costs"},
-    {F(tier, transmission), FIELD_LIST, FIELD_MUST, .fields = speed_fields, .size = sizeof(struct speed),
+    {F(tier, transmission), FIELD_LIST, FIELD_MUST, .fields = speed_fields,
+     .size = sizeof(struct speed),
      .doc = "the same of rough dielectrics, half of the pairs across the surface"},
     {0},
 };
@@ -129,9 +134,11 @@ static bool list_models(struct call *call, struct list *out)
         facet_sampler best = api_sampler_auto(i);
         models[i] = (struct model){api_ndf_names[i],
                                    best == FACET_SAMPLER_AUTO ? NULL : api_sampler_names[best],
-                                   api_samplers(i), has_facets ? all_of(api_masking_names) : 0,
+                                   api_samplers(i),
+                                   has_facets ? all_of(api_masking_names) : 0,
                                    has_facets ? all_of(api_shear_names) : 0,
-                                   has_facets && facet_bsdf_sampler_serves(FACET_SAMPLER_AUTO, (facet_ndf)i)};
+                                   has_facets &&
+                                       facet_bsdf_sampler_serves(FACET_SAMPLER_AUTO, (facet_ndf)i)};
     }
     *out = (struct list){COUNT, models};
     return true;
@@ -141,7 +148,8 @@ static bool list_models(struct call *call, struct list *out)
 static bool cost_of(const struct surface *surface, facet_tier tier, facet_quantity quantity,
                     struct arena *arena, double *ns)
 {
-    static _Atomic double measured[2][FACET_NDF_COUNT][FACET_TIER_COUNT][FACET_QUANTITY_COUNT]; /* 0: not yet */
+    static _Atomic double measured[2][FACET_NDF_COUNT][FACET_TIER_COUNT]
+                                  [FACET_QUANTITY_COUNT]; /* 0: not yet */
     _Atomic double *first = &measured[surface->bsdf != NULL][surface->facet.ndf][tier][quantity];
     double none = 0;
     *ns = *first;
@@ -151,15 +159,18 @@ static bool cost_of(const struct surface *surface, facet_tier tier, facet_quanti
     return true;
 }
 
-static bool bound_of(const struct surface *surface, facet_tier tier, facet_quantity quantity, double *bound)
+static bool bound_of(const struct surface *surface, facet_tier tier, facet_quantity quantity,
+                     double *bound)
 {
     return surface->bsdf ? facet_bsdf_bound(surface->bsdf, tier, quantity, 0, bound)
                          : facet_bound(surface->brdf, tier, quantity, 0, bound);
 }
 
-static bool list_quantities(struct call *call, const struct surface *surface, facet_tier tier, struct list *out)
+static bool list_quantities(struct call *call, const struct surface *surface, facet_tier tier,
+                            struct list *out)
 {
-    struct promise_of_quantity *list = api_arena_array(call->arena, FACET_QUANTITY_COUNT, sizeof *list);
+    struct promise_of_quantity *list = api_arena_array(call->arena, FACET_QUANTITY_COUNT,
+                                                       sizeof *list);
     if (!list) return api_problem_memory(call->problem);
     *out = (struct list){0, list};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
@@ -190,7 +201,8 @@ static bool list_speeds(struct call *call, facet_tier tier, bool transmission, s
         material.ndf = analytic[i];
         material.alpha = 0.3;
         material.transmission = transmission;
-        if (transmission) material.fresnel = (struct fresnel){.form = FRESNEL_BY_KEY, .dielectric = &glass};
+        if (transmission)
+            material.fresnel = (struct fresnel){.form = FRESNEL_BY_KEY, .dielectric = &glass};
         if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
         struct speed *speed = &speeds[out->count];
         speed->ndf = api_ndf_names[analytic[i]];
@@ -206,8 +218,10 @@ static bool list_speeds(struct call *call, facet_tier tier, bool transmission, s
 
 static bool describe_tier(struct call *call, int tier, struct tier *out)
 {
-    *out = (struct tier){.name = api_tier_names[tier], .domain = facet_tier_domain((facet_tier)tier)};
-    return list_speeds(call, (facet_tier)tier, false, &out->models) && list_speeds(call, (facet_tier)tier, true, &out->transmission);
+    *out = (struct tier){.name = api_tier_names[tier],
+                         .domain = facet_tier_domain((facet_tier)tier)};
+    return list_speeds(call, (facet_tier)tier, false, &out->models) &&
+           list_speeds(call, (facet_tier)tier, true, &out->transmission);
 }
 
 static bool list_tiers(struct call *call, struct list *out)
@@ -237,7 +251,8 @@ static bool handle(struct call *call)
     out->metals = all_of(api_metal_names);
     out->tolerance_default = TOLERANCE_DEFAULT;
     out->isa = facet_isa();
-    return list_limits(call, &out->limits) && list_models(call, &out->models) && list_tiers(call, &out->tiers);
+    return list_limits(call, &out->limits) && list_models(call, &out->models) &&
+           list_tiers(call, &out->tiers);
 }
 
 const struct endpoint api_endpoint_capabilities = {

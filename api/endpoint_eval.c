@@ -52,7 +52,8 @@ static const struct field response_fields[] = {
 #include "quantities.def"
 #undef QUANTITY
     {MEMBER(struct eval_response, sampler), FIELD_TEXT,
-     .doc = "the method that pdf belongs to, if both were asked for; else visible normals by their plain density"},
+     .doc =
+         "the method that pdf belongs to, if both were asked for; else visible normals by their plain density"},
     COUNT_FIELD(struct eval_response),
     ACCURACY_FIELD(struct eval_response),
     {0},
@@ -75,7 +76,8 @@ static bool handle(struct call *call)
     if (is_named && !api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler))
         return false;
     if (!api_evaluate(call, &evaluation)) return false;
-    out->sampler = is_named && in->outputs >> FACET_PDF & 1 ? api_sampler_names[evaluation.sampler] : NULL;
+    out->sampler = is_named && in->outputs >> FACET_PDF & 1 ? api_sampler_names[evaluation.sampler]
+                                                            : NULL;
     memcpy(out->of, evaluation.of, sizeof out->of);
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;

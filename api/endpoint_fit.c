@@ -41,23 +41,26 @@ static const struct field request_fields[] = {
     {Q(samples), FIELD_OPTION, .fields = api_samples_fields, .size = sizeof(struct samples),
      .doc = "fr at scattered pairs, instead of source; at least 16"},
     {Q(model), FIELD_ENUM, FIELD_DEFAULT, .names = model_names,
-     .doc = "auto: the smallest that meets the tolerance; tabulated does not go with samples and UTIA files"},
+     .doc =
+         "auto: the smallest that meets the tolerance; tabulated does not go with samples and UTIA files"},
     {Q(anisotropic), FIELD_ENUM, FIELD_DEFAULT, .names = ask_names,
      .doc = "auto: where the source can be; true needs a source that can be"},
     {Q(diffuse), FIELD_ENUM, FIELD_DEFAULT, .names = diffuse_names,
      .doc = "auto: also with a diffuse part, where that helps"},
     {Q(masking), FIELD_ENUM, FIELD_DEFAULT, .names = masking_names,
      .doc = "masking of the fitted material"},
-    {Q(resolution), FIELD_INTEGER, .min = FACET_FIT_RESOLUTION_MIN,
-     .max = FACET_FIT_RESOLUTION_MAX,
+    {Q(resolution), FIELD_INTEGER, .min = FACET_FIT_RESOLUTION_MIN, .max = FACET_FIT_RESOLUTION_MAX,
      .doc = "intervals of a tabulated slope distribution, and a Fresnel table at every degree; "
             "absent: 90, or tables of a fraction of the nodes where those meet the tolerance"},
     {Q(tolerance), FIELD_NUMBER, FIELD_DEFAULT, .min = 1e-9, .max = 10,
      .initial = FACET_FIT_TOLERANCE, .doc = "the rms_log accepted"},
     {Q(format), FIELD_ENUM, .names = api_format_names,
      .doc = "of the measurement in the body; else told by its content"},
-    {.name = "export", .offset = offsetof(struct fit_request, exported), .type = FIELD_ENUM,
-     .names = api_export_names, .doc = "also as text for this tool, in its own convention"},
+    {.name = "export",
+     .offset = offsetof(struct fit_request, exported),
+     .type = FIELD_ENUM,
+     .names = api_export_names,
+     .doc = "also as text for this tool, in its own convention"},
     {0},
 };
 
@@ -70,7 +73,8 @@ static facet_status evaluate_surface(const void *user, facet_vec3_in wi, facet_v
     const struct surface *surface = user;
     facet_outputs outputs = {{{NULL}}};
     for (size_t c = 0; c < surface->channels; c++) outputs.of[FACET_FR][c] = fr[c];
-    facet_status status = api_surface_eval(surface, FACET_PRECISE, FACET_SAMPLER_AUTO, wi, wo, n, &outputs);
+    facet_status status = api_surface_eval(surface, FACET_PRECISE, FACET_SAMPLER_AUTO, wi, wo, n,
+                                           &outputs);
     for (size_t c = surface->channels; c < 3; c++) memcpy(fr[c], fr[0], n * sizeof *fr[c]);
     memset(valid, true, n);
     return status;
@@ -83,13 +87,16 @@ static bool open_material(struct call *call, struct surface *surface, struct mea
     struct place place = {NULL, "source", 0};
     if (!api_material_open(in->source, &place, &decoder, surface) ||
         !api_lambert_refuse(in->source, &place, "has no microfacets to fit", call->problem) ||
-        !api_transmission_refuse(in->source, &place, "true is not fitted: the models of a fit only reflect", call->problem))
+        !api_transmission_refuse(in->source, &place,
+                                 "true is not fitted: the models of a fit only reflect",
+                                 call->problem))
         return false;
     const facet_roughness *r = &surface->facet.roughness;
     if (r->slope_x != 0 || r->slope_y != 0)
         return api_problem_at(call->problem, &place,
                               "must have no mean slope: sheared surfaces are not fitted yet");
-    bool anisotropic = r->alpha_x != r->alpha_y || r->rho != 0 || api_material_is_turned(in->source);
+    bool anisotropic = r->alpha_x != r->alpha_y || r->rho != 0 ||
+                       api_material_is_turned(in->source);
     *m = (struct measurement){.format = -1};
     m->source = (facet_fit_source){evaluate_surface, surface, INFINITY, anisotropic, NULL};
     return true;
@@ -128,17 +135,17 @@ static bool choose_options(struct call *call, const struct measurement *m,
         return api_problem_at(call->problem, &anisotropic,
                               "the source is isotropic: it does not say how it looks when turned");
     if (models_of[in->model] == FACET_FIT_TABULATED && m->source.samples)
-        return api_problem_at(call->problem, &model,
-                              "\"tabulated\" needs backscatter at every angle, which samples and UTIA "
-                              "files do not hold");
-    *options = (facet_fit_options){.masking = masking_of[in->masking],
-                                   .resolution = in->resolution < 0 ? FACET_FIT_RESOLUTION
-                                                                    : (size_t)in->resolution,
-                                   .compact = in->resolution < 0,
-                                   .models = models_of[in->model],
-                                   .anisotropic =
-                                       in->anisotropic != ASK_FALSE && m->source.anisotropic,
-                                   .diffuse = in->diffuse == 0};
+        return api_problem_at(
+            call->problem, &model,
+            "\"tabulated\" needs backscatter at every angle, which samples and UTIA "
+            "files do not hold");
+    *options = (facet_fit_options){
+        .masking = masking_of[in->masking],
+        .resolution = in->resolution < 0 ? FACET_FIT_RESOLUTION : (size_t)in->resolution,
+        .compact = in->resolution < 0,
+        .models = models_of[in->model],
+        .anisotropic = in->anisotropic != ASK_FALSE && m->source.anisotropic,
+        .diffuse = in->diffuse == 0};
     return true;
 }
 

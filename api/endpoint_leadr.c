@@ -114,7 +114,8 @@ static bool take_base(struct call *call, const struct leadr_request *in, struct 
     work->base_alpha[0] = factor * (pair ? in->base_alpha_x : isotropic);
     work->base_alpha[1] = factor * (pair ? in->base_alpha_y : isotropic);
     work->base_rho = given(in->base_rho) ? in->base_rho : 0;
-    const facet_roughness r = {.alpha_x = work->base_alpha[0], .alpha_y = work->base_alpha[1], .rho = work->base_rho};
+    const facet_roughness r = {
+        .alpha_x = work->base_alpha[0], .alpha_y = work->base_alpha[1], .rho = work->base_rho};
     work->options.base = facet_covariance_from_roughness(&r);
     if (ggx && r.alpha_x > 0)
         work->base_note = "the GGX base enters as the Beckmann roughness nearest to it";

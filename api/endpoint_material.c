@@ -64,7 +64,8 @@ static const struct field clamped_fields[] = {
 #define O(member) MEMBER(struct material_response, member)
 
 static const struct field response_fields[] = {
-    {O(ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes; lambert has none, and no roughness"},
+    {O(ndf), FIELD_TEXT, FIELD_MUST,
+     .doc = "distribution of slopes; lambert has none, and no roughness"},
     {O(bivariate), FIELD_OPTION, .fields = bivariate_fields, .size = sizeof(struct bivariate),
      .doc = "roughness along x and y"},
     {O(ellipse), FIELD_OPTION, .fields = ellipse_fields, .size = sizeof(struct ellipse),
@@ -75,7 +76,8 @@ static const struct field response_fields[] = {
     {O(mean_normal), FIELD_NUMBERS, FIELD_MUST, .min_items = 3, .max_items = 3,
      .doc = "normal of the mean slope"},
     {O(azimuths), FIELD_INTEGER, .doc = "rows of a slope table over the azimuth"},
-    {O(isotropic), FIELD_BOOL, FIELD_MUST, .doc = "alpha_1 = alpha_2, and a slope table over theta alone"},
+    {O(isotropic), FIELD_BOOL, FIELD_MUST,
+     .doc = "alpha_1 = alpha_2, and a slope table over theta alone"},
     {O(central), FIELD_BOOL, FIELD_MUST, .doc = "the mean slope is 0"},
     {O(coloured), FIELD_BOOL, FIELD_MUST, .doc = "fr, fr_cos and F are [r,g,b]"},
     {O(transmission), FIELD_BOOL, FIELD_DEFAULT,
@@ -132,13 +134,15 @@ static bool describe(struct call *call, const struct surface *surface, const str
     }
     out->clamped.items = "";
     /* As they came, where they are the material's own. */
-    const bool own = in->moments.values && !in->base && !in->jacobian.values && isnan(in->height_scale);
+    const bool own = in->moments.values && !in->base && !in->jacobian.values &&
+                     isnan(in->height_scale);
     out->note = surface->note;
     if (in->ndf == FACET_BECKMANN &&
         !numbers(call, own ? in->moments.values : moments, 5, &out->moments))
         return false;
     return numbers(call, (double[]){x, y}, 2, &out->mean_slope) &&
-           numbers(call, (double[]){(0 - x) / length, (0 - y) / length, 1 / length}, 3, &out->mean_normal);
+           numbers(call, (double[]){(0 - x) / length, (0 - y) / length, 1 / length}, 3,
+                   &out->mean_normal);
 }
 
 static bool handle(struct call *call)

@@ -44,10 +44,8 @@ static bool fits_query(const struct field *field)
     case FIELD_INTEGER:
     case FIELD_BOOL:
     case FIELD_ENUM:
-    case FIELD_TEXT:
-        return true;
-    default:
-        return false;
+    case FIELD_TEXT: return true;
+    default: return false;
     }
 }
 
@@ -75,12 +73,9 @@ static bool fits_part(const struct field *field)
     switch (field->type) {
     case FIELD_NUMBERS:
     case FIELD_VECTORS:
-    case FIELD_MATRIX:
-        return true;
-    case FIELD_UNION:
-        return fits_part(field->fields);
-    default:
-        return false;
+    case FIELD_MATRIX: return true;
+    case FIELD_UNION: return fits_part(field->fields);
+    default: return false;
     }
 }
 
@@ -89,11 +84,12 @@ static void form(struct text *text, const struct endpoint *endpoint)
     bool any = false;
     for (const struct field *f = endpoint->request; f->type; f++) any |= fits_part(f);
     if (!any) return;
-    api_text_put(text, ",\"multipart/form-data\":{\"schema\":{\"type\":\"object\","
-                       "\"description\":\"The JSON without the arrays, and each array as .npy or, where its "
-                       "type here is application/octet-stream, as raw little-endian numbers of type dtype\","
-                       "\"required\":[\"request\"],"
-                       "\"properties\":{\"request\":{\"type\":\"object\"}");
+    api_text_put(
+        text, ",\"multipart/form-data\":{\"schema\":{\"type\":\"object\","
+              "\"description\":\"The JSON without the arrays, and each array as .npy or, where its "
+              "type here is application/octet-stream, as raw little-endian numbers of type dtype\","
+              "\"required\":[\"request\"],"
+              "\"properties\":{\"request\":{\"type\":\"object\"}");
     for (const struct field *f = endpoint->request; f->type; f++) {
         if (!fits_part(f)) continue;
         api_text_put(text, ",");
@@ -103,7 +99,8 @@ static void form(struct text *text, const struct endpoint *endpoint)
             string_member(text, "description", f->doc);
             api_text_put(text, ",");
         }
-        bool has_rows = f->type == FIELD_MATRIX && f->width != 1; /* which raw numbers do not tell */
+        bool has_rows = f->type == FIELD_MATRIX &&
+                        f->width != 1; /* which raw numbers do not tell */
         api_text_print(text, "\"type\":\"string\",\"contentMediaType\":\"application/%s\"}",
                        has_rows ? "x-npy" : "octet-stream");
     }
@@ -134,11 +131,12 @@ static void responses(struct text *text, const struct endpoint *endpoint)
 {
     api_text_put(text, ",\"responses\":{\"200\":{\"description\":\"Done\",");
     if (endpoint->answers == api_array_answers)
-        api_text_put(text,
-                     "\"headers\":{\"Facet-Layout\":{\"description\":\"Binary answers: JSON, a list of "
-                     "{name, dtype, shape} in the order of the body\",\"schema\":{\"type\":"
-                     "\"string\"}},\"Facet-Answer\":{\"description\":\"Binary answers: the JSON answer "
-                     "without its arrays\",\"schema\":{\"type\":\"string\"}}},");
+        api_text_put(
+            text,
+            "\"headers\":{\"Facet-Layout\":{\"description\":\"Binary answers: JSON, a list of "
+            "{name, dtype, shape} in the order of the body\",\"schema\":{\"type\":"
+            "\"string\"}},\"Facet-Answer\":{\"description\":\"Binary answers: the JSON answer "
+            "without its arrays\",\"schema\":{\"type\":\"string\"}}},");
     api_text_put(text, "\"content\":{\"application/json\":{\"schema\":");
     if (endpoint->response)
         api_schema_object(text, endpoint->response);
@@ -201,12 +199,13 @@ static bool handle(struct call *call)
     struct text text = api_text(call->arena);
     api_text_put(&text, "{\"openapi\":\"3.1.0\",\"info\":{\"title\":\"facetd\",\"version\":\"1\",");
     string_member(&text, "description", description);
-    api_text_put(&text, ",\"license\":{\"name\":\"MIT\",\"identifier\":\"MIT\"},"
-                        "\"contact\":{\"name\":\"who runs this facetd\"}},"
-                        "\"servers\":[{\"url\":\"/\"}],\"security\":[],\"tags\":["
-                        "{\"name\":\"materials\",\"description\":\"Materials, measurements and maps\"},"
-                        "{\"name\":\"service\",\"description\":\"The service itself\"}],"
-                        "\"paths\":{");
+    api_text_put(&text,
+                 ",\"license\":{\"name\":\"MIT\",\"identifier\":\"MIT\"},"
+                 "\"contact\":{\"name\":\"who runs this facetd\"}},"
+                 "\"servers\":[{\"url\":\"/\"}],\"security\":[],\"tags\":["
+                 "{\"name\":\"materials\",\"description\":\"Materials, measurements and maps\"},"
+                 "{\"name\":\"service\",\"description\":\"The service itself\"}],"
+                 "\"paths\":{");
     for (size_t i = 0; api_endpoint(i); i++) {
         if (i) api_text_put(&text, ",");
         path_item(&text, api_endpoint(i));

@@ -49,23 +49,28 @@ static const struct field request_fields[] = {
     MATERIAL_FIELD(struct sample_request),
     DIRECTIONS_FIELD(struct sample_request, wo, FIELD_MUST, "towards the viewer"),
     {R(u), FIELD_VECTORS, .width = 2, .min = 0, .max = 1, .open_max = true, .min_items = 1,
-     .max_items = LIMIT_EVALUATIONS, .as_sent = true, .doc = "[u1,u2] per sample; pairs with wo as pairing says"},
-    {R(u_lobe), FIELD_NUMBERS, .min = 0, .max = 1, .open_max = true, .min_items = 1, .max_items = LIMIT_EVALUATIONS,
-     .doc = "with u and a material with transmission: one number per element of u, which reflects where it is "
-            "below F(theta_d) and else refracts"},
+     .max_items = LIMIT_EVALUATIONS, .as_sent = true,
+     .doc = "[u1,u2] per sample; pairs with wo as pairing says"},
+    {R(u_lobe), FIELD_NUMBERS, .min = 0, .max = 1, .open_max = true, .min_items = 1,
+     .max_items = LIMIT_EVALUATIONS,
+     .doc =
+         "with u and a material with transmission: one number per element of u, which reflects where it is "
+         "below F(theta_d) and else refracts"},
     {R(n), FIELD_INTEGER, .min = 1, .max = LIMIT_EVALUATIONS,
      .doc = "instead of u: samples per wo, all those of the first wo first"},
     {R(seed), FIELD_INTEGER, .min = 0, .max = 0x1p53,
-     .doc = "with n: where the sequence starts; random: sample k has u = values 2k and 2k + 1 of the "
-            "SplitMix64 stream, u_lobe value k of the stream of 2^64 - 1 - seed; 0 by default"},
+     .doc =
+         "with n: where the sequence starts; random: sample k has u = values 2k and 2k + 1 of the "
+         "SplitMix64 stream, u_lobe value k of the stream of 2^64 - 1 - seed; 0 by default"},
     SEQUENCE_FIELD(struct sample_request),
     PAIRING_FIELD(struct sample_request, pairing),
     SAMPLER_FIELD(struct sample_request, "how samples are drawn"),
     {R(outputs), FIELD_SET, FIELD_DEFAULT, .names = output_names,
      .initial = 1 << WI | 1 << WEIGHT | 1 << PDF, .doc = "what to return"},
     {R(solid_angle), FIELD_BOOL, FIELD_DEFAULT,
-     .doc = "return solid_angle, for filtered importance sampling; of the samplers of normals, without a "
-            "diffuse part"},
+     .doc =
+         "return solid_angle, for filtered importance sampling; of the samplers of normals, without a "
+         "diffuse part"},
     CHANNELS_FIELD(struct sample_request),
     FLAT_FIELD(struct sample_request),
     DTYPE_FIELD(struct sample_request),
@@ -76,16 +81,18 @@ static const struct field request_fields[] = {
 #define OF(id) .offset = offsetof(struct sample_response, of[id]), .type = FIELD_PRINTED
 
 static const struct field response_fields[] = {
-    {.name = "wi",
-     OF(WI),
-     .width = 3,
-     .doc = "sampled directions; their floor is direction_floor"},
-    {.name = "weight", OF(WEIGHT), .doc = "fr cos(theta_i) / pdf at the wi returned; 0 below the horizon"},
+    {.name = "wi", OF(WI), .width = 3, .doc = "sampled directions; their floor is direction_floor"},
+    {.name = "weight",
+     OF(WEIGHT),
+     .doc = "fr cos(theta_i) / pdf at the wi returned; 0 below the horizon"},
     {.name = "pdf", OF(PDF), .width = 1, .doc = "density of wi, per steradian"},
     {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; their floor is direction_floor"},
-    {.name = "solid_angle", OF(SOLID_ANGLE), .width = 1,
-     .doc = "steradians of wi that the sample stands for, at the wi returned: 4 (wo.h) cos^3(theta_h) A with "
-            "A = pi max(alpha_1, alpha_2)^2/N, N samples per wo; 1/(N pdf) is what samples take on average"},
+    {.name = "solid_angle",
+     OF(SOLID_ANGLE),
+     .width = 1,
+     .doc =
+         "steradians of wi that the sample stands for, at the wi returned: 4 (wo.h) cos^3(theta_h) A with "
+         "A = pi max(alpha_1, alpha_2)^2/N, N samples per wo; 1/(N pdf) is what samples take on average"},
     COUNT_FIELD(struct sample_response),
     {MEMBER(struct sample_response, wasted), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,
      .doc = "samples below the horizon, weight 0; with transmission those of weight 0"},
@@ -119,8 +126,10 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
     bool promised = job->surface.bsdf
-                        ? api_transmission_sample_bound(&job->surface, tier, job->sampler, job->is_dense, job->input_error, bound)
-                        : api_surface_sample_bound(&job->surface, tier, job->sampler, job->input_error, bound);
+                        ? api_transmission_sample_bound(&job->surface, tier, job->sampler,
+                                                        job->is_dense, job->input_error, bound)
+                        : api_surface_sample_bound(&job->surface, tier, job->sampler,
+                                                   job->input_error, bound);
     if (!promised) return false;
     *bound += job->surface.parameter_error;
     *bound = api_represented(&job->representation, *bound);
@@ -138,11 +147,15 @@ static bool check_lobe(const struct sample_request *in, struct problem *problem)
 {
     struct place at = {NULL, "u_lobe", 0};
     bool wanted = in->material.transmission && is_listed(in);
-    if (wanted && !in->u_lobe.values) return api_problem_at(problem, &at, "is required with u and transmission");
+    if (wanted && !in->u_lobe.values)
+        return api_problem_at(problem, &at, "is required with u and transmission");
     if (!wanted && in->u_lobe.values)
-        return api_problem_at(problem, &at, in->material.transmission ? "needs u" : "needs a material with transmission");
+        return api_problem_at(problem, &at,
+                              in->material.transmission ? "needs u"
+                                                        : "needs a material with transmission");
     if (wanted && in->u_lobe.count != in->u.numbers.count)
-        return api_problem_at(problem, &at, "has %zu elements, u has %zu", in->u_lobe.count, in->u.numbers.count);
+        return api_problem_at(problem, &at, "has %zu elements, u has %zu", in->u_lobe.count,
+                              in->u.numbers.count);
     return true;
 }
 
@@ -160,12 +173,13 @@ static bool pair_up(struct job *job, struct problem *problem)
     if (in->sequence != SEQUENCE_RANDOM && !by_n)
         return api_problem_at(problem, &sequence, "needs n");
     if (by_list)
-        return api_pairing(job->wo.count, in->u.numbers.count, in->pairing, names, problem, &job->pairing);
+        return api_pairing(job->wo.count, in->u.numbers.count, in->pairing, names, problem,
+                           &job->pairing);
     if ((size_t)in->n > LIMIT_EVALUATIONS / job->wo.count)
         return api_problem_at(problem, &n, "%lld samples of %zu directions are outside [1, %d]",
                               (long long)in->n, job->wo.count, LIMIT_EVALUATIONS);
-    job->pairing =
-        (struct pairing){job->wo.count, (size_t)in->n, (size_t)in->n * job->wo.count, true};
+    job->pairing = (struct pairing){job->wo.count, (size_t)in->n, (size_t)in->n * job->wo.count,
+                                    true};
     return true;
 }
 
@@ -190,7 +204,9 @@ static void fill_u(const struct job *job, size_t start, size_t n)
     for (size_t i = 0; i < n; i++) {
         size_t k = start + i;
         if (by_list) {
-            size_t at = job->pairing.outer ? k % in->u.numbers.count : in->u.numbers.count == 1 ? 0 : k;
+            size_t at = job->pairing.outer         ? k % in->u.numbers.count
+                        : in->u.numbers.count == 1 ? 0
+                                                   : k;
             listed_u(&in->u, at, &job->u[0][i], &job->u[1][i]);
             if (job->surface.bsdf) job->u[2][i] = in->u_lobe.values[at];
         } else {
@@ -247,14 +263,24 @@ static struct float_samples float_samples_of(struct job *job)
 {
     struct results *r[OUTPUT_COUNT];
     for (int i = 0; i < OUTPUT_COUNT; i++) r[i] = asked(job, i) ? &job->results[i] : NULL;
-    return (struct float_samples){&job->surface, job->promise.tier, job->sampler, &job->wo, &job->in->u, &job->pairing,
-                                  r[WI], r[WEIGHT], r[PDF], r[H], 0};
+    return (struct float_samples){&job->surface,
+                                  job->promise.tier,
+                                  job->sampler,
+                                  &job->wo,
+                                  &job->in->u,
+                                  &job->pairing,
+                                  r[WI],
+                                  r[WEIGHT],
+                                  r[PDF],
+                                  r[H],
+                                  0};
 }
 
 static bool compute(struct call *call, struct job *job)
 {
     struct float_samples floats = float_samples_of(job);
-    const bool on_floats = !asked(job, SOLID_ANGLE) && api_takes_float_samples(&floats, job->representation.format);
+    const bool on_floats = !asked(job, SOLID_ANGLE) &&
+                           api_takes_float_samples(&floats, job->representation.format);
     const size_t most = on_floats ? SAMPLE_FLOATS_MAX : CHUNK;
     struct api_trace *trace = &call->response->trace;
     facet_samples samples = {{job->wi[0], job->wi[1], job->wi[2]},
@@ -273,16 +299,20 @@ static bool compute(struct call *call, struct job *job)
         }
         api_pairing_fill(&job->pairing, true, &job->wo, i, n, job->from);
         fill_u(job, i, n);
-        facet_status status =
-            job->surface.bsdf ? facet_bsdf_sample(job->surface.bsdf, job->promise.tier, job->sampler, from, job->u[0],
-                                                  job->u[1], job->u[2], n, &samples)
-                              : api_surface_sample(&job->surface, job->promise.tier, job->sampler, from,
-                                                   job->u[0], job->u[1], n, &samples);
+        facet_status status = job->surface.bsdf
+                                  ? facet_bsdf_sample(job->surface.bsdf, job->promise.tier,
+                                                      job->sampler, from, job->u[0], job->u[1],
+                                                      job->u[2], n, &samples)
+                                  : api_surface_sample(&job->surface, job->promise.tier,
+                                                       job->sampler, from, job->u[0], job->u[1], n,
+                                                       &samples);
         if (status) return api_problem_status(call->problem, status, NULL);
         if (asked(job, SOLID_ANGLE))
-            facet_solid_angle(&job->surface.facet.roughness, (double)(job->pairing.count / job->wo.count),
-                              (facet_vec3_in){job->wi[0], job->wi[1], job->wi[2]}, from, n, job->solid_angle);
-        for (size_t k = 0; k < n; k++) job->wasted += !((job->surface.bsdf ? job->weight[0] : job->wi[2])[k] > 0);
+            facet_solid_angle(
+                &job->surface.facet.roughness, (double)(job->pairing.count / job->wo.count),
+                (facet_vec3_in){job->wi[0], job->wi[1], job->wi[2]}, from, n, job->solid_angle);
+        for (size_t k = 0; k < n; k++)
+            job->wasted += !((job->surface.bsdf ? job->weight[0] : job->wi[2])[k] > 0);
         double computed = api_clock();
         trace->compute_us += computed - start;
         if (!print_chunk(call, job, n)) return false;
@@ -299,14 +329,17 @@ static bool survey_wo(struct call *call, struct job *job)
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
     const bool is_turned = api_material_is_turned(&job->in->material);
-    for (size_t i = 0, n; (error > 0 || job->surface.bsdf || is_turned) && i < job->wo.count; i += n) {
+    for (size_t i = 0, n; (error > 0 || job->surface.bsdf || is_turned) && i < job->wo.count;
+         i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
         if (!api_still_wanted(call)) return false;
         api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
         bool below_is_dense = job->surface.facet.fresnel.eta[0] > 1;
-        for (size_t k = 0; k < n; k++) job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
+        for (size_t k = 0; k < n; k++)
+            job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
         for (size_t k = 0; k < n; k++) job->any_below = job->any_below || wo.z[k] < 0;
-        job->input_error = fmax(job->input_error, error * facet_closeness(job->surface.brdf, wo, wo, n, true));
+        job->input_error = fmax(job->input_error,
+                                error * facet_closeness(job->surface.brdf, wo, wo, n, true));
     }
     return true;
 }
@@ -315,8 +348,12 @@ static bool survey_wo(struct call *call, struct job *job)
 static bool check_views(const struct job *job, struct problem *problem)
 {
     struct place at = {NULL, "wo", 0};
-    if (!job->any_below || job->sampler != FACET_SAMPLER_TABLE || !api_material_is_turned(&job->in->material)) return true;
-    return api_problem_at(problem, &at, "lies below the horizon, from where slopes over the azimuth tell no visible normals");
+    if (!job->any_below || job->sampler != FACET_SAMPLER_TABLE ||
+        !api_material_is_turned(&job->in->material))
+        return true;
+    return api_problem_at(
+        problem, &at,
+        "lies below the horizon, from where slopes over the azimuth tell no visible normals");
 }
 
 /* It is of slopes: those of a cosine sample are not the material's. */
@@ -327,9 +364,12 @@ static bool check_solid_angle(const struct job *job, struct problem *problem)
     if (job->sampler == FACET_SAMPLER_COSINE)
         return api_problem_at(problem, &at, "is of the samplers of normals, not of \"cosine\"");
     if (job->surface.facet.ndf == FACET_TABULATED)
-        return api_problem_at(problem, &at, "is of \"ggx\" and \"beckmann\", whose roughness says how wide a sample is");
+        return api_problem_at(
+            problem, &at,
+            "is of \"ggx\" and \"beckmann\", whose roughness says how wide a sample is");
     return !(job->surface.has_diffuse || job->surface.bsdf) ||
-           api_problem_at(problem, &at, "is of materials without a diffuse part and without transmission");
+           api_problem_at(problem, &at,
+                          "is of materials without a diffuse part and without transmission");
 }
 
 static bool prepare(struct call *call, struct job *job)
@@ -337,7 +377,8 @@ static bool prepare(struct call *call, struct job *job)
     struct decoder decoder = {call->arena, call->problem};
     struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0};
     const struct sample_request *in = job->in;
-    if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) || !check_lobe(in, call->problem) ||
+    if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) ||
+        !check_lobe(in, call->problem) ||
         !api_material_open(&in->material, &material, &decoder, &job->surface))
         return false;
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
@@ -347,10 +388,12 @@ static bool prepare(struct call *call, struct job *job)
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
     if (!survey_wo(call, job) || !check_views(job, call->problem)) return false;
-    if (!api_represent(call, in->dtype, &in->accuracy, (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
+    if (!api_represent(call, in->dtype, &in->accuracy,
+                       (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
-        !api_promise(&in->accuracy, bound_of, job, api_bound_obstacle(&job->surface, 1, job->input_error),
-                     call->problem, &job->promise))
+        !api_promise(&in->accuracy, bound_of, job,
+                     api_bound_obstacle(&job->surface, 1, job->input_error), call->problem,
+                     &job->promise))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);
@@ -379,7 +422,8 @@ static bool handle(struct call *call)
     struct job *job = api_arena_array(call->arena, 1, sizeof *job);
     if (!job) return api_problem_memory(call->problem);
     job->in = call->in;
-    if (!api_sampler(job->in->sampler, &job->in->material, call->problem, &job->sampler) || !prepare(call, job))
+    if (!api_sampler(job->in->sampler, &job->in->material, call->problem, &job->sampler) ||
+        !prepare(call, job))
         return false;
     out->sampler = api_sampler_names[job->sampler];
     call->response->trace.decode_us += api_clock() - start;
@@ -387,9 +431,8 @@ static bool handle(struct call *call)
     if (!compute(call, job)) return false;
     out->count = (int64_t)job->pairing.count;
     out->wasted = (int64_t)job->wasted;
-    out->accuracy =
-        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR,
-                          asked(job, WI) || asked(job, H) ? 1 : NAN, NAN};
+    out->accuracy = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound,
+                                      FACET_FLOOR, asked(job, WI) || asked(job, H) ? 1 : NAN, NAN};
     return answer(call, job);
 }
 

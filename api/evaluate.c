@@ -14,7 +14,8 @@ size_t api_channels(int64_t requested, size_t material, struct problem *problem)
     if (requested < 0) return material;
     if (requested == 3 || (requested == 1 && material == 1)) return (size_t)requested;
     if (requested == 1)
-        api_problem_at(problem, &at, "1 is too few: the material is coloured, its results are [r,g,b]");
+        api_problem_at(problem, &at,
+                       "1 is too few: the material is coloured, its results are [r,g,b]");
     else
         api_problem_at(problem, &at, "%lld must be 1 or 3", (long long)requested);
     return 0;
@@ -24,10 +25,11 @@ bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem)
 {
     struct place at = {NULL, "outputs", 0};
     if (count <= LIMIT_NUMBERS / per_element) return true;
-    return api_problem_at(problem, &at,
-                          "%zu elements of %zu numbers are more than the %d numbers of one answer: ask for fewer "
-                          "outputs, or for at most %zu elements",
-                          count, per_element, LIMIT_NUMBERS, LIMIT_NUMBERS / per_element);
+    return api_problem_at(
+        problem, &at,
+        "%zu elements of %zu numbers are more than the %d numbers of one answer: ask for fewer "
+        "outputs, or for at most %zu elements",
+        count, per_element, LIMIT_NUMBERS, LIMIT_NUMBERS / per_element);
 }
 
 /*
@@ -36,21 +38,25 @@ bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem)
  */
 static bool are_floats(const struct job *job)
 {
-    return job->evaluation->representation.format == RESULTS_FLOAT32 && api_surface_takes_floats(&job->surface);
+    return job->evaluation->representation.format == RESULTS_FLOAT32 &&
+           api_surface_takes_floats(&job->surface);
 }
 
-static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity quantity, double *bound)
+static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity quantity,
+                         double *bound)
 {
     const facet_brdf *brdf = job->surface.brdf;
     double error = job->input_error;
     *bound = error; /* a product of the cosine, at most */
     if (job->surface.is_lambert) return true;
-    if (job->surface.bsdf) return api_transmission_bound(&job->surface, tier, quantity, error, bound);
+    if (job->surface.bsdf)
+        return api_transmission_bound(&job->surface, tier, quantity, error, bound);
     if (quantity != FACET_PDF)
         return are_floats(job) ? facet_bound_float(brdf, tier, quantity, error, bound)
                                : facet_bound(brdf, tier, quantity, error, bound);
-    return are_floats(job) ? facet_pdf_bound_float(brdf, tier, job->evaluation->sampler, error, bound)
-                           : facet_pdf_bound(brdf, tier, job->evaluation->sampler, error, bound);
+    return are_floats(job)
+               ? facet_pdf_bound_float(brdf, tier, job->evaluation->sampler, error, bound)
+               : facet_pdf_bound(brdf, tier, job->evaluation->sampler, error, bound);
 }
 
 static bool bound_of(const void *job_, facet_tier tier, double *bound)
@@ -72,8 +78,8 @@ static bool bound_of(const void *job_, facet_tier tier, double *bound)
 /* Of a material that floats evaluate as it is, directions that floats hold. */
 static bool takes_floats(const struct job *job)
 {
-    return job->evaluation->representation.format != RESULTS_FLOAT64 && api_surface_takes_floats(&job->surface) &&
-           api_pairs_are_floats(&job->pairs);
+    return job->evaluation->representation.format != RESULTS_FLOAT64 &&
+           api_surface_takes_floats(&job->surface) && api_pairs_are_floats(&job->pairs);
 }
 
 const char *api_bound_obstacle(const struct surface *surface, double condition, double input_error)
@@ -136,8 +142,7 @@ static void open_results(struct job *job, struct arena *arena)
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         if (api_is_asked(job, q))
             api_results_open_as(&job->results[q], arena, evaluation->representation.format,
-                                api_width_of(job, q), evaluation->flat,
-                                job->promise.digits);
+                                api_width_of(job, q), evaluation->flat, job->promise.digits);
 }
 
 size_t api_numbers_per_pair(const struct job *job)
@@ -152,8 +157,8 @@ static void list_arrays(struct job *job, struct evaluation *evaluation)
 {
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         if (api_is_asked(job, q))
-            evaluation->arrays[evaluation->array_count++] =
-                (struct named_results){api_quantity_names[q], &job->results[q]};
+            evaluation->arrays[evaluation->array_count++] = (struct named_results){
+                api_quantity_names[q], &job->results[q]};
 }
 
 static void close_results(struct job *job, struct evaluation *evaluation)
@@ -178,7 +183,8 @@ bool api_answer_evaluation(struct call *call, const struct evaluation *evaluatio
 static double ceiling_of(const struct job *job)
 {
     const facet_roughness *r = &job->surface.facet.roughness;
-    const bool divides = api_is_asked(job, FACET_G) || api_is_asked(job, FACET_G1_I) || api_is_asked(job, FACET_G1_O);
+    const bool divides = api_is_asked(job, FACET_G) || api_is_asked(job, FACET_G1_I) ||
+                         api_is_asked(job, FACET_G1_O);
     return divides && (r->slope_x != 0 || r->slope_y != 0) ? DBL_MAX : NAN;
 }
 
@@ -205,8 +211,8 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         return false;
     job->takes_floats = takes_floats(job);
     if (!api_promise(evaluation->accuracy, bound_of, job,
-                     api_bound_obstacle(&job->surface, job->condition, job->input_error), call->problem,
-                     &job->promise))
+                     api_bound_obstacle(&job->surface, job->condition, job->input_error),
+                     call->problem, &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
     api_represent_bound(&evaluation->representation, evaluation->accuracy, &job->promise);
@@ -221,7 +227,7 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         close_results(job, evaluation);
     }
     evaluation->count = job->pairs.pairing.count;
-    evaluation->answer =
-        (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound, FACET_FLOOR, NAN, ceiling_of(job)};
+    evaluation->answer = (struct accuracy){api_tier_names[job->promise.tier], job->promise.bound,
+                                           FACET_FLOOR, NAN, ceiling_of(job)};
     return true;
 }

@@ -29,7 +29,7 @@ struct evaluation {
     const struct material *material;
     const struct pair_request *pairs;
     const struct tolerance_request *accuracy;
-    uint32_t outputs; /* a bit per facet_quantity */
+    uint32_t outputs;      /* a bit per facet_quantity */
     facet_sampler sampler; /* whose pdf; AUTO, which eval has: that of visible normals */
     int64_t channels;      /* forced; -1: as the material has */
     bool flat;

@@ -8,16 +8,18 @@
 #include "evaluate.h"
 
 enum {
-    CHUNK = 4096,          /* pairs in a slot: what is shared among threads */
-    BLOCK = 512,           /* pairs staged and evaluated at a time: they stay in the first-level cache */
+    CHUNK = 4096, /* pairs in a slot: what is shared among threads */
+    BLOCK = 512,  /* pairs staged and evaluated at a time: they stay in the first-level cache */
     ROUND_BYTES = 1 << 21, /* of an answer, about, between two looks at the client */
-    STREAM_BYTES = 1 << 20, /* the same of a stream: what a slow reader keeps, and at worst the network's thread computes */
-    SLOTS_MIN = 8,         /* of a round, where there are as many chunks */
+    STREAM_BYTES =
+        1
+        << 20, /* the same of a stream: what a slow reader keeps, and at worst the network's thread computes */
+    SLOTS_MIN = 8, /* of a round, where there are as many chunks */
     SLOTS_MAX = 128
 };
 
 struct slot {
-    size_t at, n; /* pairs */
+    size_t at, n;                      /* pairs */
     char *bytes[FACET_QUANTITY_COUNT]; /* where its part of each array goes */
     size_t size[FACET_QUANTITY_COUNT]; /* bytes written there */
     facet_status status;
@@ -54,7 +56,8 @@ bool api_runs_on_floats(const struct job *job, facet_tier tier);
 void api_run_slot(void *job, size_t index);
 
 /* task(arg, 0) .. task(arg, count - 1), on as many threads as the server lends. */
-void api_share(const struct call *call, size_t count, void (*task)(void *arg, size_t index), void *arg);
+void api_share(const struct call *call, size_t count, void (*task)(void *arg, size_t index),
+               void *arg);
 
 /* Room for the results of a round of the quantities of `outputs` (a stream's: one of them at a time). */
 bool api_open_slots(const struct call *call, struct job *job, uint32_t outputs, bool streams);

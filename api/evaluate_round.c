@@ -4,7 +4,8 @@
 #include <math.h>
 #include <stdint.h>
 
-void api_share(const struct call *call, size_t count, void (*task)(void *arg, size_t index), void *arg)
+void api_share(const struct call *call, size_t count, void (*task)(void *arg, size_t index),
+               void *arg)
 {
     const struct api_request *request = call->request;
     if (request->share && count > 1)
@@ -43,7 +44,8 @@ static bool open_whole(struct job *job, int quantity)
     struct results *r = &job->results[quantity];
     size_t part = api_results_room(r, CHUNK);
     char *bytes = api_text_reserve(&r->text, api_results_room(r, job->pairs.pairing.count));
-    for (size_t i = 0; bytes && i < job->slot_count; i++) job->slots[i].bytes[quantity] = bytes + i * part;
+    for (size_t i = 0; bytes && i < job->slot_count; i++)
+        job->slots[i].bytes[quantity] = bytes + i * part;
     return bytes;
 }
 
@@ -51,7 +53,9 @@ static bool open_buffers(struct job *job, int quantity, struct arena *arena)
 {
     size_t n = job->pairs.pairing.count < CHUNK ? job->pairs.pairing.count : CHUNK;
     for (size_t i = 0; i < job->slot_count; i++)
-        if (!(job->slots[i].bytes[quantity] = api_arena_alloc(arena, api_results_room(&job->results[quantity], n)))) return false;
+        if (!(job->slots[i].bytes[quantity] = api_arena_alloc(
+                  arena, api_results_room(&job->results[quantity], n))))
+            return false;
     return true;
 }
 
@@ -73,7 +77,8 @@ bool api_open_slots(const struct call *call, struct job *job, uint32_t outputs, 
     }
     if (widest >= 0) ok = open_buffers(job, widest, call->arena);
     for (size_t i = 0; widest >= 0 && ok && i < job->slot_count; i++) /* one array at a time */
-        for (int q = 0; q < FACET_QUANTITY_COUNT; q++) job->slots[i].bytes[q] = job->slots[i].bytes[widest];
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+            job->slots[i].bytes[q] = job->slots[i].bytes[widest];
     return ok || api_problem_memory(call->problem);
 }
 
@@ -149,7 +154,8 @@ static void look_at_chunk(void *look_, size_t index)
         seen.condition = fmax(seen.condition, condition);
         for (size_t k = 0; k < n && seen.below == SIZE_MAX; k++)
             if (wo.z[k] < 0) seen.below = at + k;
-        if (job->pairs.input_error > 0) seen.closeness = fmax(seen.closeness, closeness_of(job, wi, wo, n));
+        if (job->pairs.input_error > 0)
+            seen.closeness = fmax(seen.closeness, closeness_of(job, wi, wo, n));
     }
     look->seen[index] = seen;
 }
@@ -166,8 +172,11 @@ static bool needs_front(const struct job *job)
 static bool refuse_below(struct call *call, size_t pair)
 {
     struct place at = {NULL, "wo", 0};
-    return api_problem_at(call->problem, &at, "of pair %zu lies below the horizon, where slopes over the azimuth tell no sigma_o, "
-                          "D_vis and pdf", pair);
+    return api_problem_at(
+        call->problem, &at,
+        "of pair %zu lies below the horizon, where slopes over the azimuth tell no sigma_o, "
+        "D_vis and pdf",
+        pair);
 }
 
 bool api_survey_pairs(struct call *call, struct job *job)

@@ -46,15 +46,18 @@ static facet_status evaluate_doubles(const struct job *job, struct scratch *s, s
     double *const in[6] = {s->in[0], s->in[1], s->in[2], s->in[3], s->in[4], s->in[5]};
     facet_outputs outputs = {0};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        for (size_t c = 0; c < columns_of(job, q) && is_wanted(job, q); c++) outputs.of[q][c] = s->out[q][c];
+        for (size_t c = 0; c < columns_of(job, q) && is_wanted(job, q); c++)
+            outputs.of[q][c] = s->out[q][c];
     api_pairs_fill(&job->pairs, at, n, s->again, in);
     s->again = true;
     return api_surface_eval(&job->surface, job->promise.tier, job->evaluation->sampler,
-                            (facet_vec3_in){in[0], in[1], in[2]}, (facet_vec3_in){in[3], in[4], in[5]}, n, &outputs);
+                            (facet_vec3_in){in[0], in[1], in[2]},
+                            (facet_vec3_in){in[3], in[4], in[5]}, n, &outputs);
 }
 
 /* False: a fault. */
-static bool encode_doubles(const struct job *job, struct slot *slot, struct scratch *s, size_t at, size_t n)
+static bool encode_doubles(const struct job *job, struct slot *slot, struct scratch *s, size_t at,
+                           size_t n)
 {
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         if (!is_wanted(job, q)) continue;
@@ -77,18 +80,22 @@ static bool encode_doubles(const struct job *job, struct slot *slot, struct scra
 
 static facet_status evaluate_floats(const struct job *job, struct scratch *s, size_t at, size_t n)
 {
-    float *const in[6] = {s->float_in[0], s->float_in[1], s->float_in[2], s->float_in[3], s->float_in[4], s->float_in[5]};
+    float *const in[6] = {s->float_in[0], s->float_in[1], s->float_in[2],
+                          s->float_in[3], s->float_in[4], s->float_in[5]};
     const facet_vec3_in_float wi = {in[0], in[1], in[2]}, wo = {in[3], in[4], in[5]};
     facet_outputs_float outputs = {0};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        for (size_t c = 0; c < columns_of(job, q) && is_wanted(job, q); c++) outputs.of[q][c] = s->float_out[q][c];
+        for (size_t c = 0; c < columns_of(job, q) && is_wanted(job, q); c++)
+            outputs.of[q][c] = s->float_out[q][c];
     api_pairs_fill_floats(&job->pairs, at, n, s->float_again, in);
     s->float_again = true;
     float *pdf = job->evaluation->sampler == FACET_SAMPLER_AUTO ? NULL : outputs.of[FACET_PDF][0];
     if (pdf) outputs.of[FACET_PDF][0] = NULL;
-    facet_status status = facet_eval_float(job->surface.brdf, job->promise.tier, wi, wo, n, &outputs);
+    facet_status status = facet_eval_float(job->surface.brdf, job->promise.tier, wi, wo, n,
+                                           &outputs);
     if (status || !pdf) return status;
-    return facet_pdf_float(job->surface.brdf, job->promise.tier, job->evaluation->sampler, wi, wo, n, pdf);
+    return facet_pdf_float(job->surface.brdf, job->promise.tier, job->evaluation->sampler, wi, wo,
+                           n, pdf);
 }
 
 /* Not where a result is beyond floats: doubles are then the ones to ask. */
@@ -109,7 +116,8 @@ static void encode_floats(const struct job *job, struct slot *slot, struct scrat
         size_t has = columns_of(job, q);
         for (size_t c = 0; c < 3; c++) columns[c] = s->float_out[q][c < has ? c : 0];
         char *p = slot->bytes[q] + slot->size[q];
-        slot->size[q] += (size_t)(api_results_write_floats(job->results[q].width, columns, n, p) - p);
+        slot->size[q] += (size_t)(api_results_write_floats(job->results[q].width, columns, n, p) -
+                                  p);
     }
 }
 
@@ -129,7 +137,8 @@ static double lap(struct slot *slot)
 }
 
 /* Whether the block is done: not where a result is beyond floats. */
-static bool run_floats(const struct job *job, struct slot *slot, struct scratch *s, size_t at, size_t n)
+static bool run_floats(const struct job *job, struct slot *slot, struct scratch *s, size_t at,
+                       size_t n)
 {
     slot->status = evaluate_floats(job, s, at, n);
     slot->compute_us += lap(slot);
@@ -145,7 +154,8 @@ static bool run_floats(const struct job *job, struct slot *slot, struct scratch 
     return sound;
 }
 
-static bool run_doubles(const struct job *job, struct slot *slot, struct scratch *s, size_t at, size_t n)
+static bool run_doubles(const struct job *job, struct slot *slot, struct scratch *s, size_t at,
+                        size_t n)
 {
     slot->status = evaluate_doubles(job, s, at, n);
     slot->compute_us += lap(slot);
@@ -162,7 +172,8 @@ void api_run_slot(void *job_, size_t index)
     bool on_floats = api_runs_on_floats(job, job->promise.tier);
     scratch.again = scratch.float_again = false;
     slot->clock_us = api_clock();
-    for (size_t done = 0, n; done < slot->n && !slot->status && slot->fault == RESULTS_SOUND; done += n) {
+    for (size_t done = 0, n; done < slot->n && !slot->status && slot->fault == RESULTS_SOUND;
+         done += n) {
         n = slot->n - done < BLOCK ? slot->n - done : BLOCK;
         if (on_floats && run_floats(job, slot, &scratch, slot->at + done, n)) continue;
         if (!run_doubles(job, slot, &scratch, slot->at + done, n)) return;

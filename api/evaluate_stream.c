@@ -59,11 +59,14 @@ static bool produce(struct call *call, struct pieces *out)
     progress->count = 0;
     if (!progress->at) {
         add_skeleton(progress);
-        if (!api_prefix_piece(call, &evaluation->representation, results, &progress->pieces[progress->count])) return false;
+        if (!api_prefix_piece(call, &evaluation->representation, results,
+                              &progress->pieces[progress->count]))
+            return false;
         progress->count += progress->pieces[progress->count].size > 0;
     }
     if (!api_run_round(call, job, UINT32_C(1) << quantity, &progress->at)) return false;
-    for (size_t i = 0; i < job->used; i++) add_piece(progress, job->slots[i].bytes[quantity], job->slots[i].size[quantity]);
+    for (size_t i = 0; i < job->used; i++)
+        add_piece(progress, job->slots[i].bytes[quantity], job->slots[i].size[quantity]);
     if (progress->at == job->pairs.pairing.count) {
         if (results->format == RESULTS_JSON) add_piece(progress, "]", 1);
         progress->array++;
@@ -107,13 +110,15 @@ bool api_start_stream(struct call *call, struct job *job, const struct evaluatio
     struct progress *progress = api_arena_array(call->arena, 1, sizeof *progress);
     if (!kept || !progress || !api_open_slots(call, job, evaluation->outputs, true))
         return api_problem_memory(call->problem);
-    progress->pieces = api_arena_array(call->arena, job->slot_count + BESIDES, sizeof *progress->pieces);
+    progress->pieces = api_arena_array(call->arena, job->slot_count + BESIDES,
+                                       sizeof *progress->pieces);
     if (!progress->pieces) return api_problem_memory(call->problem);
     *kept = *evaluation;
     job->evaluation = kept;
     job->progress = progress;
-    bool ok = kept->representation.format == RESULTS_JSON ? keep_skeleton(call, progress)
-                                                          : api_represent_headers(call, kept->arrays, kept->array_count);
+    bool ok = kept->representation.format == RESULTS_JSON
+                  ? keep_skeleton(call, progress)
+                  : api_represent_headers(call, kept->arrays, kept->array_count);
     if (!ok) return false;
     call->response->content_type = kept->representation.type;
     call->response->body_size = bytes_of(job);

@@ -68,8 +68,10 @@ static void use_ellipse(struct job *job, const char *how)
         job->ellipse = (facet_ellipse){r->alpha_x, r->alpha_y, 0};
         return;
     }
-    api_text_print(&job->lost, "; rho has no place: turn %s by %.7g rad, which is in no number "
-                               "below", how, -job->ellipse.phi);
+    api_text_print(&job->lost,
+                   "; rho has no place: turn %s by %.7g rad, which is in no number "
+                   "below",
+                   how, -job->ellipse.phi);
 }
 
 /* ---- Mitsuba 3 ------------------------------------------------------------------------------------ */
@@ -83,12 +85,16 @@ static void write_mitsuba(struct job *job)
     use_ellipse(job, "the tangents (or the texture coordinates)");
     job->target.material.masking = FACET_SMITH_UNCORRELATED;
     api_text_put(&job->lost, "; masking and shadowing are uncorrelated");
-    if (w > 0) api_text_print(t, "<bsdf type=\"blendbsdf\">\n<float name=\"weight\" value=\"%.7g\"/>\n", w);
-    api_text_print(t, "<bsdf type=\"roughconductor\">\n"
-                      "    <string name=\"distribution\" value=\"%s\"/>\n",
+    if (w > 0)
+        api_text_print(t, "<bsdf type=\"blendbsdf\">\n<float name=\"weight\" value=\"%.7g\"/>\n",
+                       w);
+    api_text_print(t,
+                   "<bsdf type=\"roughconductor\">\n"
+                   "    <string name=\"distribution\" value=\"%s\"/>\n",
                    job->target.material.ndf == FACET_GGX ? "ggx" : "beckmann");
-    api_text_print(t, "    <float name=\"alpha_u\" value=\"%.9g\"/>\n"
-                      "    <float name=\"alpha_v\" value=\"%.9g\"/>\n",
+    api_text_print(t,
+                   "    <float name=\"alpha_u\" value=\"%.9g\"/>\n"
+                   "    <float name=\"alpha_v\" value=\"%.9g\"/>\n",
                    job->ellipse.alpha_1, job->ellipse.alpha_2);
     api_text_put(t, "    <rgb name=\"eta\" value=\"");
     put_rgb(t, f->eta, ", ");
@@ -118,18 +124,24 @@ static void write_pbrt(struct job *job)
         f->k[c] = fmin(2 * sqrt(r[c]) / sqrt(1 - r[c]), FACET_K_MAX);
     }
     api_text_put(&job->lost, "; the Fresnel term is a conductor of eta 1");
-    if (w > 0) api_text_put(t, "MakeNamedMaterial \"specular\" \"string type\" \"conductor\"\n");
-    else api_text_put(t, "Material \"conductor\"\n");
+    if (w > 0)
+        api_text_put(t, "MakeNamedMaterial \"specular\" \"string type\" \"conductor\"\n");
+    else
+        api_text_put(t, "Material \"conductor\"\n");
     api_text_put(t, "    \"rgb reflectance\" [ ");
     put_rgb(t, r, " ");
-    api_text_print(t, " ]\n    \"float uroughness\" [ %.9g ] \"float vroughness\" [ %.9g ]\n"
-                      "    \"bool remaproughness\" [ false ]\n",
+    api_text_print(t,
+                   " ]\n    \"float uroughness\" [ %.9g ] \"float vroughness\" [ %.9g ]\n"
+                   "    \"bool remaproughness\" [ false ]\n",
                    job->ellipse.alpha_1, job->ellipse.alpha_2);
     if (w == 0) return;
-    api_text_put(t, "MakeNamedMaterial \"base\" \"string type\" \"diffuse\" \"rgb reflectance\" [ ");
+    api_text_put(t,
+                 "MakeNamedMaterial \"base\" \"string type\" \"diffuse\" \"rgb reflectance\" [ ");
     put_rgb(t, diffuse, " ");
-    api_text_print(t, " ]\nMaterial \"mix\" \"string materials\" [ \"specular\" \"base\" ] "
-                      "\"float amount\" [ %.7g ]\n", w);
+    api_text_print(t,
+                   " ]\nMaterial \"mix\" \"string materials\" [ \"specular\" \"base\" ] "
+                   "\"float amount\" [ %.7g ]\n",
+                   w);
 }
 
 /* ---- glTF 2.0 -------------------------------------------------------------------------------------------- */
@@ -166,8 +178,9 @@ static void write_gltf(struct job *job)
                                  "by 1 - F");
     }
     if (strength > 0)
-        api_text_print(t, "%s\n    \"KHR_materials_anisotropy\": { \"anisotropyStrength\": %.9g, "
-                          "\"anisotropyRotation\": %.9g }",
+        api_text_print(t,
+                       "%s\n    \"KHR_materials_anisotropy\": { \"anisotropyStrength\": %.9g, "
+                       "\"anisotropyRotation\": %.9g }",
                        metal ? "" : ",", strength, -e.phi);
     if (!metal || strength > 0) api_text_put(t, "\n  }");
     api_text_put(t, "\n}\n");
@@ -185,29 +198,34 @@ static void write_materialx(struct job *job)
                     "  <generalized_schlick_bsdf name=\"specular\" type=\"BSDF\">\n"
                     "    <input name=\"color0\" type=\"color3\" value=\"");
     put_rgb(t, job->f0, ", ");
-    api_text_print(t, "\"/>\n    <input name=\"color90\" type=\"color3\" value=\"1, 1, 1\"/>\n"
-                      "    <input name=\"exponent\" type=\"float\" value=\"5\"/>\n"
-                      "    <input name=\"roughness\" type=\"vector2\" value=\"%.9g, %.9g\"/>\n"
-                      "    <input name=\"distribution\" type=\"string\" value=\"ggx\"/>\n"
-                      "  </generalized_schlick_bsdf>\n",
+    api_text_print(t,
+                   "\"/>\n    <input name=\"color90\" type=\"color3\" value=\"1, 1, 1\"/>\n"
+                   "    <input name=\"exponent\" type=\"float\" value=\"5\"/>\n"
+                   "    <input name=\"roughness\" type=\"vector2\" value=\"%.9g, %.9g\"/>\n"
+                   "    <input name=\"distribution\" type=\"string\" value=\"ggx\"/>\n"
+                   "  </generalized_schlick_bsdf>\n",
                    job->ellipse.alpha_1, job->ellipse.alpha_2);
     if (w > 0) {
         api_text_put(t, "  <oren_nayar_diffuse_bsdf name=\"base\" type=\"BSDF\">\n"
                         "    <input name=\"color\" type=\"color3\" value=\"");
         put_rgb(t, diffuse, ", ");
-        api_text_print(t, "\"/>\n    <input name=\"roughness\" type=\"float\" value=\"0\"/>\n"
-                          "  </oren_nayar_diffuse_bsdf>\n"
-                          "  <mix name=\"both\" type=\"BSDF\">\n"
-                          "    <input name=\"fg\" type=\"BSDF\" nodename=\"base\"/>\n"
-                          "    <input name=\"bg\" type=\"BSDF\" nodename=\"specular\"/>\n"
-                          "    <input name=\"mix\" type=\"float\" value=\"%.7g\"/>\n  </mix>\n", w);
+        api_text_print(t,
+                       "\"/>\n    <input name=\"roughness\" type=\"float\" value=\"0\"/>\n"
+                       "  </oren_nayar_diffuse_bsdf>\n"
+                       "  <mix name=\"both\" type=\"BSDF\">\n"
+                       "    <input name=\"fg\" type=\"BSDF\" nodename=\"base\"/>\n"
+                       "    <input name=\"bg\" type=\"BSDF\" nodename=\"specular\"/>\n"
+                       "    <input name=\"mix\" type=\"float\" value=\"%.7g\"/>\n  </mix>\n",
+                       w);
     }
-    api_text_print(t, "  <surface name=\"fitted\" type=\"surfaceshader\">\n"
-                      "    <input name=\"bsdf\" type=\"BSDF\" nodename=\"%s\"/>\n  </surface>\n"
-                      "  <surfacematerial name=\"material\" type=\"material\">\n"
-                      "    <input name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"fitted\"/>\n"
-                      "  </surfacematerial>\n</materialx>\n",
-                   w > 0 ? "both" : "specular");
+    api_text_print(
+        t,
+        "  <surface name=\"fitted\" type=\"surfaceshader\">\n"
+        "    <input name=\"bsdf\" type=\"BSDF\" nodename=\"%s\"/>\n  </surface>\n"
+        "  <surfacematerial name=\"material\" type=\"material\">\n"
+        "    <input name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"fitted\"/>\n"
+        "  </surfacematerial>\n</materialx>\n",
+        w > 0 ? "both" : "specular");
 }
 
 /* ---- GLSL ------------------------------------------------------------------------------------------------------ */
@@ -235,8 +253,10 @@ static void write_glsl_fresnel(struct job *job)
         api_text_put(t, ");\n    return f0 + (1.0 - f0)*pow(1.0 - c, 5.0);\n}\n");
         return;
     }
-    api_text_print(t, "const int FACET_NODES = %zu;\nconst vec4 facet_table[FACET_NODES] = "
-                      "vec4[FACET_NODES]( // cos theta_d; F\n", f->count);
+    api_text_print(t,
+                   "const int FACET_NODES = %zu;\nconst vec4 facet_table[FACET_NODES] = "
+                   "vec4[FACET_NODES]( // cos theta_d; F\n",
+                   f->count);
     for (size_t i = 0; i < f->count; i++) {
         double v[3];
         for (size_t c = 0; c < 3; c++) v[c] = f->values[f->channels == 3 ? c : 0][i];
@@ -263,13 +283,15 @@ static void write_glsl(struct job *job)
     api_text_put(t, glsl_head);
     api_text_put(t, ggx ? glsl_ggx : glsl_beckmann);
     write_glsl_fresnel(job);
-    api_text_print(t, "vec3 facet_fr(vec3 wi, vec3 wo) {\n"
-                      "    if (wi.z <= 0.0 || wo.z <= 0.0) return vec3(0.0);\n"
-                      "    const vec3 a = vec3(%.9g, %.9g, %.9g);\n    const vec3 kd = vec3(",
+    api_text_print(t,
+                   "vec3 facet_fr(vec3 wi, vec3 wo) {\n"
+                   "    if (wi.z <= 0.0 || wo.z <= 0.0) return vec3(0.0);\n"
+                   "    const vec3 a = vec3(%.9g, %.9g, %.9g);\n    const vec3 kd = vec3(",
                    r->alpha_x, r->alpha_y, r->rho);
     put_rgb(t, job->kd, ", ");
-    api_text_put(t, ");\n    vec3 H = wi + wo;\n    float kappa = sqrt(1.0 - a.z*a.z), hh = dot(H, H);\n"
-                    "    float x = H.x/a.x, y = (H.y/a.y - a.z*x)/kappa;\n");
+    api_text_put(
+        t, ");\n    vec3 H = wi + wo;\n    float kappa = sqrt(1.0 - a.z*a.z), hh = dot(H, H);\n"
+           "    float x = H.x/a.x, y = (H.y/a.y - a.z*x)/kappa;\n");
     api_text_put(t, ggx ? "    float w = H.z*H.z + x*x + y*y;\n"
                           "    float D = hh*hh/(3.14159265*a.x*a.y*kappa*w*w);\n"
                         : "    float D = hh*hh*exp(-(x*x + y*y)/(H.z*H.z))/"
@@ -293,9 +315,10 @@ static void open_job(struct job *job, const facet_fit_candidate *candidate)
         job->kd[c] = candidate->has_diffuse ? candidate->diffuse[c] : 0;
     }
     if (candidate != job->chosen)
-        api_text_print(&job->lost, "; the chosen %s is not known there, this is the closest that is",
+        api_text_print(&job->lost,
+                       "; the chosen %s is not known there, this is the closest that is",
                        job->chosen->material.ndf == FACET_TABULATED ? "tabulated distribution"
-                                                                     : "Fresnel table or ndf");
+                                                                    : "Fresnel table or ndf");
 }
 
 bool api_export(struct call *call, int tool, const facet_fit *fit,
@@ -303,12 +326,14 @@ bool api_export(struct call *call, int tool, const facet_fit *fit,
 {
     static void (*const write[])(struct job *) = {write_mitsuba, write_pbrt, write_gltf,
                                                   write_materialx, write_glsl};
-    struct job job = {.call = call, .chosen = chosen, .text = api_text(call->arena),
+    struct job job = {.call = call,
+                      .chosen = chosen,
+                      .text = api_text(call->arena),
                       .lost = api_text(call->arena)};
     struct place at = {NULL, "export", 0};
     bool beckmann = tool == EXPORT_MITSUBA || tool == EXPORT_GLSL;
-    const facet_fit_candidate *candidate =
-        api_export_choose(fit, chosen, beckmann, tool == EXPORT_GLSL);
+    const facet_fit_candidate *candidate = api_export_choose(fit, chosen, beckmann,
+                                                             tool == EXPORT_GLSL);
     if (!candidate)
         return api_problem_at(call->problem, &at,
                               "no candidate that %s knows was fitted: ask for model auto or ggx",

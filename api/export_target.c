@@ -9,7 +9,8 @@ const facet_fit_candidate *api_export_choose(const facet_fit *fit,
     const facet_fit_candidate *best = NULL;
     for (size_t i = 0; i < fit->count; i++) {
         const facet_fit_candidate *c = &fit->candidate[i];
-        bool holds = c->material.ndf == FACET_GGX || (beckmann && c->material.ndf == FACET_BECKMANN);
+        bool holds = c->material.ndf == FACET_GGX ||
+                     (beckmann && c->material.ndf == FACET_BECKMANN);
         if (!holds || (!table && c->material.fresnel.kind == FACET_FRESNEL_TABLE)) continue;
         if (c == chosen) return c;
         if (!best || c->error.rms_log < best->error.rms_log) best = c;
@@ -24,7 +25,8 @@ static double conductor(double eta, double k, double c)
     double s2 = (1 - c) * (1 + c), t = eta * eta - k * k - s2;
     double ab = sqrt(t * t + 4 * eta * eta * k * k), a = sqrt(fmax(0, (ab + t) / 2));
     double rs = (ab - 2 * a * c + c * c) / (ab + 2 * a * c + c * c);
-    double rp = rs * (c * c * ab - 2 * a * c * s2 + s2 * s2) / (c * c * ab + 2 * a * c * s2 + s2 * s2);
+    double rp = rs * (c * c * ab - 2 * a * c * s2 + s2 * s2) /
+                (c * c * ab + 2 * a * c * s2 + s2 * s2);
     return (rs + rp) / 2;
 }
 
@@ -41,7 +43,8 @@ static double misfit(double r, double g)
 {
     double eta, k, sum = 0;
     from_tint(r, g, &eta, &k);
-    if (eta < FACET_ETA_MIN || eta > FACET_ETA_MAX || k > FACET_K_MAX) return INFINITY; /* of a mirror */
+    if (eta < FACET_ETA_MIN || eta > FACET_ETA_MAX || k > FACET_K_MAX)
+        return INFINITY; /* of a mirror */
     for (int i = 1; i < 30; i++) {
         double c = i / 30., q = 1 - c, schlick = r + (1 - r) * q * q * q * q * q;
         double d = conductor(eta, k, c) / schlick - 1;

@@ -232,8 +232,7 @@ static enum image_status check_channels(struct reader *r)
     case EXR_COMPRESSION_ZIPS:
     case EXR_COMPRESSION_ZIP:
     case EXR_COMPRESSION_PIZ:
-    case EXR_COMPRESSION_PXR24:
-        return IMAGE_OK;
+    case EXR_COMPRESSION_PXR24: return IMAGE_OK;
     default:
         return api_image_problem(r->problem, IMAGE_UNSUPPORTED,
                                  "the EXR is compressed with B44, DWA or something newer; "
@@ -311,8 +310,8 @@ static void convert(const unsigned char *from, exr_pixel_type_t type, size_t n, 
             continue;
         }
         const unsigned char *b = from + 4 * i;
-        const uint32_t bits =
-            b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
+        const uint32_t bits = b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 |
+                              (uint32_t)b[3] << 24;
         if (type == EXR_PIXEL_UINT)
             to[i] = (float)bits;
         else

@@ -53,7 +53,7 @@ struct exr_writer {
     size_t size, room;
     struct exr_packer packers[PACKERS_MAX];
     size_t packer_count;
-    size_t *packed_sizes; /* of a row of tiles */
+    size_t *packed_sizes;           /* of a row of tiles */
     struct exr_level_state level[]; /* level_count */
 };
 
@@ -218,8 +218,8 @@ struct exr_writer *api_exr_writer_open(const struct exr_pyramid *pyramid,
                                        size_t attribute_count, struct image_problem *problem)
 {
     struct header *header = malloc(sizeof *header);
-    struct exr_writer *w =
-        header ? calloc(1, sizeof *w + pyramid->level_count * sizeof *w->level) : NULL;
+    struct exr_writer *w = header ? calloc(1, sizeof *w + pyramid->level_count * sizeof *w->level)
+                                  : NULL;
     if (w) {
         w->pyramid = *pyramid;
         w->element = pyramid->half ? 2 : 4;
@@ -390,7 +390,8 @@ static void end_band(struct exr_writer *w, size_t level, size_t y)
     l->skip = l->skips;
 }
 
-_Static_assert((int)FACET_SINK_ROWS == (int)TILE, "rows that come together are of one row of tiles");
+_Static_assert((int)FACET_SINK_ROWS == (int)TILE,
+               "rows that come together are of one row of tiles");
 
 bool api_exr_writer_begin(struct exr_writer *w, size_t level, size_t first, size_t count)
 {
@@ -412,8 +413,8 @@ void api_exr_writer_put(const struct exr_writer *w, size_t level, size_t row,
     const size_t head = l->compressed ? 0 : CHUNK_HEAD;
     for (size_t x = 0; x < l->across; x++) {
         const size_t width = tile_side(l->width, x);
-        unsigned char *to =
-            l->band + x * (head + TILE * height * w->pixel) + head + inside * width * w->pixel;
+        unsigned char *to = l->band + x * (head + TILE * height * w->pixel) + head +
+                            inside * width * w->pixel;
         for (size_t k = 0; k < w->pyramid.plane_count; k++, to += width * w->element)
             put_values(planes[w->order[k]] + x * TILE, width, w->pyramid.half, to);
     }
@@ -428,11 +429,11 @@ enum image_status api_exr_writer_finish(struct exr_writer *w,
 {
     struct header *header = malloc(sizeof *header);
     if (!header) return api_image_problem(problem, IMAGE_NO_MEMORY, "out of memory");
-    enum image_status status =
-        make_header(&w->pyramid, attributes, attribute_count, header, problem);
+    enum image_status status = make_header(&w->pyramid, attributes, attribute_count, header,
+                                           problem);
     if (status == IMAGE_OK && header->size != w->header_size)
-        status =
-            api_image_problem(problem, IMAGE_UNSUPPORTED, "the EXR's header changed its length");
+        status = api_image_problem(problem, IMAGE_UNSUPPORTED,
+                                   "the EXR's header changed its length");
     if (status == IMAGE_OK) {
         memcpy(w->bytes, header->bytes, header->size);
         *bytes = w->bytes; /* what is not written to costs no memory */

@@ -53,19 +53,22 @@ static bool wrong_member(const char *name, const struct field *fields, const str
 }
 
 /* A word where only others may stand, or an object with one of the members known. */
-static bool wrong_word(const char *word, const struct field *alternatives, const struct place *place,
-                       struct decoder *decoder)
+static bool wrong_word(const char *word, const struct field *alternatives,
+                       const struct place *place, struct decoder *decoder)
 {
     const char *names[NEAREST_MAX];
     char list[NAMES_ROOM], keys[NAMES_ROOM] = "";
     size_t n = 0;
     for (; alternatives->type; alternatives++) {
         if (alternatives->type == FIELD_WORD && n < NEAREST_MAX) names[n++] = alternatives->name;
-        for (size_t i = 0; alternatives->type == FIELD_ENUM && alternatives->names[i] && n < NEAREST_MAX; i++)
+        for (size_t i = 0;
+             alternatives->type == FIELD_ENUM && alternatives->names[i] && n < NEAREST_MAX; i++)
             names[n++] = alternatives->names[i];
-        if ((alternatives->type != FIELD_OBJECT && alternatives->type != FIELD_OPTION) || *keys) continue;
+        if ((alternatives->type != FIELD_OBJECT && alternatives->type != FIELD_OPTION) || *keys)
+            continue;
         const char *members[NEAREST_MAX];
-        api_join_nearest(word, members, names_of(alternatives->fields, members), keys, sizeof keys / 2);
+        api_join_nearest(word, members, names_of(alternatives->fields, members), keys,
+                         sizeof keys / 2);
     }
     api_join_nearest(word, names, n, list, sizeof list / 2);
     return api_problem_at(decoder->problem, place, "\"%.40s\" is not one of %s%s%s", word, list,
@@ -178,21 +181,15 @@ static bool decode_list(const json_t *json, const struct field *field, struct li
 static bool is_alternative(const json_t *json, const struct field *field)
 {
     switch (field->type) {
-    case FIELD_WORD:
-        return json_is_string(json) && !strcmp(json_string_value(json), field->name);
+    case FIELD_WORD: return json_is_string(json) && !strcmp(json_string_value(json), field->name);
     case FIELD_ENUM:
-    case FIELD_TEXT:
-        return json_is_string(json);
+    case FIELD_TEXT: return json_is_string(json);
     case FIELD_NUMBER:
-    case FIELD_INTEGER:
-        return api_json_is_number(json);
-    case FIELD_BOOL:
-        return json_is_boolean(json);
+    case FIELD_INTEGER: return api_json_is_number(json);
+    case FIELD_BOOL: return json_is_boolean(json);
     case FIELD_OBJECT:
-    case FIELD_OPTION:
-        return json_is_object(json);
-    default:
-        return api_json_is_array(json);
+    case FIELD_OPTION: return json_is_object(json);
+    default: return api_json_is_array(json);
     }
 }
 
@@ -224,37 +221,26 @@ static bool decode_value(const json_t *json, const struct field *field, void *ob
 {
     void *out = (char *)object + field->offset;
     switch (field->type) {
-    case FIELD_NUMBER:
-        return decode_number(json, field, out, place, decoder);
-    case FIELD_INTEGER:
-        return decode_integer(json, field, out, place, decoder);
+    case FIELD_NUMBER: return decode_number(json, field, out, place, decoder);
+    case FIELD_INTEGER: return decode_integer(json, field, out, place, decoder);
     case FIELD_BOOL:
         if (!json_is_boolean(json)) return api_wrong_type(json, "true or false", place, decoder);
         *(bool *)out = json_is_true(json);
         return true;
-    case FIELD_ENUM:
-        return decode_enum(json, field, out, place, decoder);
-    case FIELD_SET:
-        return decode_set(json, field, out, place, decoder);
-    case FIELD_TEXT:
-        return decode_text(json, out, place, decoder);
+    case FIELD_ENUM: return decode_enum(json, field, out, place, decoder);
+    case FIELD_SET: return decode_set(json, field, out, place, decoder);
+    case FIELD_TEXT: return decode_text(json, out, place, decoder);
     case FIELD_COLOUR:
     case FIELD_NUMBERS:
     case FIELD_VECTORS:
     case FIELD_MATRIX:
-    case FIELD_PRINTED:
-        return api_decode_numbers(json, field, out, place, decoder);
-    case FIELD_OBJECT:
-        return decode_object(json, field, out, place, decoder);
-    case FIELD_OPTION:
-        return decode_option(json, field, out, place, decoder);
-    case FIELD_LIST:
-        return decode_list(json, field, out, place, decoder);
-    case FIELD_UNION:
-        return decode_union(json, field, out, place, decoder);
+    case FIELD_PRINTED: return api_decode_numbers(json, field, out, place, decoder);
+    case FIELD_OBJECT: return decode_object(json, field, out, place, decoder);
+    case FIELD_OPTION: return decode_option(json, field, out, place, decoder);
+    case FIELD_LIST: return decode_list(json, field, out, place, decoder);
+    case FIELD_UNION: return decode_union(json, field, out, place, decoder);
     case FIELD_WORD:
-    case FIELD_END:
-        break;
+    case FIELD_END: break;
     }
     return true;
 }
@@ -266,25 +252,13 @@ static void clear_value(const struct field *field, void *object)
     void *out = (char *)object + field->offset;
     bool given = field->presence == FIELD_DEFAULT;
     switch (field->type) {
-    case FIELD_NUMBER:
-        *(double *)out = given ? field->initial : NAN;
-        break;
-    case FIELD_INTEGER:
-        *(int64_t *)out = given ? (int64_t)field->initial : -1;
-        break;
-    case FIELD_BOOL:
-        *(bool *)out = given && field->initial != 0;
-        break;
+    case FIELD_NUMBER: *(double *)out = given ? field->initial : NAN; break;
+    case FIELD_INTEGER: *(int64_t *)out = given ? (int64_t)field->initial : -1; break;
+    case FIELD_BOOL: *(bool *)out = given && field->initial != 0; break;
     case FIELD_ENUM:
-    case FIELD_UNION:
-        *(int *)out = given ? (int)field->initial : -1;
-        break;
-    case FIELD_SET:
-        *(uint32_t *)out = given ? (uint32_t)field->initial : 0;
-        break;
-    case FIELD_TEXT:
-        *(const char **)out = NULL;
-        break;
+    case FIELD_UNION: *(int *)out = given ? (int)field->initial : -1; break;
+    case FIELD_SET: *(uint32_t *)out = given ? (uint32_t)field->initial : 0; break;
+    case FIELD_TEXT: *(const char **)out = NULL; break;
     case FIELD_COLOUR:
         *(struct colour *)out = (struct colour){given, {given ? field->initial : NAN}};
         break;
@@ -293,24 +267,13 @@ static void clear_value(const struct field *field, void *object)
         *(struct numbers *)out = (struct numbers){0};
         if (field->as_sent) *(struct sent_numbers *)out = (struct sent_numbers){.floats = NULL};
         break;
-    case FIELD_MATRIX:
-        *(struct matrix *)out = (struct matrix){0};
-        break;
-    case FIELD_OBJECT:
-        api_field_clear(field->fields, out);
-        break;
-    case FIELD_OPTION:
-        *(void **)out = NULL;
-        break;
-    case FIELD_LIST:
-        *(struct list *)out = (struct list){0};
-        break;
-    case FIELD_PRINTED:
-        *(struct text **)out = NULL;
-        break;
+    case FIELD_MATRIX: *(struct matrix *)out = (struct matrix){0}; break;
+    case FIELD_OBJECT: api_field_clear(field->fields, out); break;
+    case FIELD_OPTION: *(void **)out = NULL; break;
+    case FIELD_LIST: *(struct list *)out = (struct list){0}; break;
+    case FIELD_PRINTED: *(struct text **)out = NULL; break;
     case FIELD_WORD:
-    case FIELD_END:
-        break;
+    case FIELD_END: break;
     }
 }
 

@@ -18,20 +18,14 @@ bool api_json_is_array(const json_t *json)
 const char *api_json_type_name(const json_t *json)
 {
     switch (json_typeof(json)) {
-    case JSON_OBJECT:
-        return "an object";
+    case JSON_OBJECT: return "an object";
     case JSON_ARRAY:
-    case JSON_INTEGER: /* array.h */
-        return "an array";
-    case JSON_STRING:
-        return "a string";
-    case JSON_REAL:
-        return "a number";
+    case JSON_INTEGER: /* array.h */ return "an array";
+    case JSON_STRING: return "a string";
+    case JSON_REAL: return "a number";
     case JSON_TRUE:
-    case JSON_FALSE:
-        return "a boolean";
-    default:
-        return "null";
+    case JSON_FALSE: return "a boolean";
+    default: return "null";
     }
 }
 
@@ -71,8 +65,7 @@ bool api_check_number(double x, const struct field *field, const struct place *p
     char value[NUMBER_ROOM], range[2 * NUMBER_ROOM + 8];
     interval(field, &low, &high);
     if (x >= low && x <= high) return true;
-    if (!isfinite(x))
-        return api_problem_at(decoder->problem, place, "is not a finite number");
+    if (!isfinite(x)) return api_problem_at(decoder->problem, place, "is not a finite number");
     api_number_print(value, x);
     api_field_range(field, range, sizeof range);
     return api_problem_at(decoder->problem, place, "%s is outside %s", value, range);
@@ -305,9 +298,10 @@ static bool decode_matrix(const json_t *json, const struct field *field, struct 
         return api_problem_at(decoder->problem, place, "has 0 rows, must have at least 1");
     bool is_column = !array.nested && field->width == 1;
     if (!array.nested && !is_column)
-        return api_problem_at(decoder->problem, &first,
-                              "must be an array of at least 1 number (in a form: .npy of two dimensions, as raw "
-                              "numbers have no rows)");
+        return api_problem_at(
+            decoder->problem, &first,
+            "must be an array of at least 1 number (in a form: .npy of two dimensions, as raw "
+            "numbers have no rows)");
     if (array.nested && !array.columns)
         return api_problem_at(decoder->problem, &first, "must be an array of at least 1 number");
     if (is_column && !api_check_count(array.count, field, place, decoder)) return false;
@@ -325,8 +319,8 @@ static bool decode_printed(const json_t *json, const struct field *field, const 
     struct place at = {place, NULL, 0};
     if (!sound_array(json, "an array", place, decoder, &array)) return false;
     if (array.nested && (field->width == 1 || array.columns != 3))
-        return api_problem_at(decoder->problem, &at, "must be %s", field->width == 1 ? "a number"
-                                                                                    : "[r,g,b]");
+        return api_problem_at(decoder->problem, &at, "must be %s",
+                              field->width == 1 ? "a number" : "[r,g,b]");
     return check_elements(&array, field, place, decoder);
 }
 
@@ -334,15 +328,10 @@ bool api_decode_numbers(const json_t *json, const struct field *field, void *out
                         const struct place *place, struct decoder *decoder)
 {
     switch (field->type) {
-    case FIELD_COLOUR:
-        return decode_colour(json, field, out, place, decoder);
-    case FIELD_NUMBERS:
-        return decode_list(json, field, out, place, decoder);
-    case FIELD_VECTORS:
-        return decode_vectors(json, field, out, place, decoder);
-    case FIELD_MATRIX:
-        return decode_matrix(json, field, out, place, decoder);
-    default:
-        return decode_printed(json, field, place, decoder);
+    case FIELD_COLOUR: return decode_colour(json, field, out, place, decoder);
+    case FIELD_NUMBERS: return decode_list(json, field, out, place, decoder);
+    case FIELD_VECTORS: return decode_vectors(json, field, out, place, decoder);
+    case FIELD_MATRIX: return decode_matrix(json, field, out, place, decoder);
+    default: return decode_printed(json, field, place, decoder);
     }
 }

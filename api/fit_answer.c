@@ -88,8 +88,9 @@ static const struct field export_fields[] = {
     {MEMBER(struct fit_export, lost), FIELD_TEXT, FIELD_MUST,
      .doc = "what the target's model cannot hold, in a sentence"},
     {MEMBER(struct fit_export, rms_log), FIELD_NUMBER, FIELD_MUST,
-     .doc = "rms of log((epsilon + fr cos theta_i)/(epsilon + target)), the chosen material against "
-            "the target's model, over a grid of directions"},
+     .doc =
+         "rms of log((epsilon + fr cos theta_i)/(epsilon + target)), the chosen material against "
+         "the target's model, over a grid of directions"},
     {0},
 };
 
@@ -114,8 +115,11 @@ const struct field api_fit_response_fields[] = {
             "predicts the rest better; isotropic sources fitted with smith"},
     {A(data), FIELD_OPTION, .fields = data_fields, .size = sizeof(struct fit_data),
      .doc = "what a measurement held"},
-    {.name = "export", .offset = offsetof(struct fit_response, exported), .type = FIELD_OPTION,
-     .fields = export_fields, .size = sizeof(struct fit_export),
+    {.name = "export",
+     .offset = offsetof(struct fit_response, exported),
+     .type = FIELD_OPTION,
+     .fields = export_fields,
+     .size = sizeof(struct fit_export),
      .doc = "the fitted material for another tool"},
     {A(pairs), FIELD_INTEGER, FIELD_MUST, .doc = "pairs that rms_log was taken over"},
     {A(epsilon), FIELD_NUMBER, FIELD_MUST, .unit = "1/sr", .doc = "that of rms_log"},
@@ -162,7 +166,9 @@ static bool describe_slopes(struct call *call, const facet_fit *fit,
     to->slopes = api_arena_array(call->arena, 1, sizeof *to->slopes);
     if (!copy || !to->slopes) return api_problem_memory(call->problem);
     memcpy(copy, from->log_d, n * sizeof *copy);
-    *to->slopes = (struct slopes){fit->table_scale, rows > 1 ? (struct matrix){rows, from->log_d_nodes, copy} : (struct matrix){n, 1, copy}};
+    *to->slopes = (struct slopes){fit->table_scale,
+                                  rows > 1 ? (struct matrix){rows, from->log_d_nodes, copy}
+                                           : (struct matrix){n, 1, copy}};
     return true;
 }
 
@@ -297,11 +303,12 @@ static void judge(const facet_fit *fit, const char *asked, char *why, size_t roo
     double rms = best_of(fit)->error.rms_log;
     why[0] = 0;
     if (rms > FACET_FIT_RMS_MAX)
-        snprintf(why, room,
-                 "the closest of %zu %s%scandidates is off by rms_log %.3g, %.3g is the most that is "
-                 "called a fit: %s",
-                 fit->count, asked, *asked ? " " : "", rms, FACET_FIT_RMS_MAX,
-                 *asked ? "try model auto" : "no microfacet surface looks like this");
+        snprintf(
+            why, room,
+            "the closest of %zu %s%scandidates is off by rms_log %.3g, %.3g is the most that is "
+            "called a fit: %s",
+            fit->count, asked, *asked ? " " : "", rms, FACET_FIT_RMS_MAX,
+            *asked ? "try model auto" : "no microfacet surface looks like this");
     else if (fit->hot_spot > FACET_FIT_HOT_SPOT_MAX)
         snprintf(why, room,
                  "light that comes back where it came from is %.3g times that of the closest "

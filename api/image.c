@@ -32,8 +32,8 @@ static bool has_own_pages(const struct image *image)
 static float *allocate(const struct image *image)
 {
     if (!has_own_pages(image)) return malloc(size_of(image));
-    void *pages =
-        mmap(NULL, size_of(image), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    void *pages = mmap(NULL, size_of(image), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS,
+                       -1, 0);
     return pages == MAP_FAILED ? NULL : pages;
 }
 

@@ -75,10 +75,11 @@ static json_t *parse_structure(const char *bytes, size_t size, const struct lift
     if (json && !memory.refused && !memory.exhausted) return json;
     json_decref(json);
     if (memory.refused) {
-        api_problem(problem, 413,
-                    "the JSON holds more values than its size allows (%d bytes of memory per byte); "
-                    "only arrays of nothing but numbers may be large",
-                    LIMIT_JSON_MEMORY);
+        api_problem(
+            problem, 413,
+            "the JSON holds more values than its size allows (%d bytes of memory per byte); "
+            "only arrays of nothing but numbers may be large",
+            LIMIT_JSON_MEMORY);
     } else if (api_json_exhausted()) {
         api_problem_memory(problem);
     } else {

@@ -6,7 +6,8 @@
 static const char *member_of_facets(const struct material *m)
 {
     for (const struct field *field = api_material_fields; field->type; field++)
-        if (strcmp(field->name, "ndf") && strcmp(field->name, "reflectance") && api_field_is_given(field, m))
+        if (strcmp(field->name, "ndf") && strcmp(field->name, "reflectance") &&
+            api_field_is_given(field, m))
             return field->name;
     return NULL;
 }

@@ -113,9 +113,8 @@ bool api_leadr_filter(struct call *call, struct leadr_work *work, const facet_le
     const struct place border = {NULL, "border", 0}, type = {NULL, "type", 0};
     struct leadr_map *map = &work->map;
     facet_crew crew;
-    const facet_status status =
-        facet_leadr_filter(&map->source, &work->options, &watch, api_leadr_crew(call, &crew), sink,
-                           &work->summary);
+    const facet_status status = facet_leadr_filter(
+        &map->source, &work->options, &watch, api_leadr_crew(call, &crew), sink, &work->summary);
     if (status == FACET_OK) return true;
     if (status == FACET_NO_MEMORY) return api_problem_memory(call->problem);
     if (status == FACET_BAD_DATA && work->summary.flaw.count)

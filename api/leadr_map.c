@@ -22,16 +22,11 @@ static bool refuse_image(struct call *call, const struct image_problem *image)
 {
     const struct place at = {NULL, "channel", 0};
     switch (image->status) {
-    case IMAGE_NO_MEMORY:
-        return api_problem_memory(call->problem);
-    case IMAGE_CANCELLED:
-        return api_problem_status(call->problem, FACET_CANCELLED, NULL);
-    case IMAGE_TOO_LARGE:
-        return api_problem(call->problem, 413, "%s", image->text);
-    case IMAGE_NO_CHANNEL:
-        return api_problem_at(call->problem, &at, "%s", image->text);
-    default:
-        return api_problem(call->problem, 422, "%s", image->text);
+    case IMAGE_NO_MEMORY: return api_problem_memory(call->problem);
+    case IMAGE_CANCELLED: return api_problem_status(call->problem, FACET_CANCELLED, NULL);
+    case IMAGE_TOO_LARGE: return api_problem(call->problem, 413, "%s", image->text);
+    case IMAGE_NO_CHANNEL: return api_problem_at(call->problem, &at, "%s", image->text);
+    default: return api_problem(call->problem, 422, "%s", image->text);
     }
 }
 

@@ -67,12 +67,8 @@ static void paint(const struct keeper *k, const struct leadr_work *work, double 
         case PREVIEW_ROUGHNESS:
             memset(rgb + 3 * i, code(range > 0 ? roughness(&m) / range : 0), 3);
             break;
-        case PREVIEW_NORMAL:
-            paint_normal(&m, rgb + 3 * i);
-            break;
-        case PREVIEW_ANISOTROPY:
-            paint_anisotropy(&m, rgb + 3 * i);
-            break;
+        case PREVIEW_NORMAL: paint_normal(&m, rgb + 3 * i); break;
+        case PREVIEW_ANISOTROPY: paint_anisotropy(&m, rgb + 3 * i); break;
         }
     }
 }

@@ -270,17 +270,19 @@ static enum outcome take_row(struct scan *scan, struct number_array *array,
 }
 
 /* What follows a row and is like it: all the others, of an array that is large and sound. */
-static enum outcome take_like_rows(struct scan *scan, struct number_array *array, struct gathered *numbers)
+static enum outcome take_like_rows(struct scan *scan, struct number_array *array,
+                                   struct gathered *numbers)
 {
     size_t before = numbers->count;
     if (!array->columns || array->flaw) return LIFTED;
-    if (array->rows == 1 &&
-        !api_lift_rows(scan->document, &scan->at, scan->end, array->columns, take_numbers, numbers)) {
+    if (array->rows == 1 && !api_lift_rows(scan->document, &scan->at, scan->end, array->columns,
+                                           take_numbers, numbers)) {
         api_problem_memory(scan->problem);
         return FAILED;
     }
-    numbers->count += array->columns * api_number_rows(&scan->at, scan->end, numbers->values + numbers->count,
-                                                       numbers->room - numbers->count, array->columns);
+    numbers->count += array->columns *
+                      api_number_rows(&scan->at, scan->end, numbers->values + numbers->count,
+                                      numbers->room - numbers->count, array->columns);
     array->rows += (numbers->count - before) / array->columns;
     return LIFTED;
 }

@@ -58,14 +58,16 @@ static void cut(struct round *round, const char *at, const char *end)
         struct stretch *s = &round->stretches[round->count];
         const char *next = end - at > STRETCH ? find_cut(at + STRETCH - SEARCH, end) : NULL;
         if (!next && end - at > STRETCH) break;
-        *s = (struct stretch){.begin = at, .end = next ? next : end, .values = round->values + round->count * round->room};
+        *s = (struct stretch){.begin = at,
+                              .end = next ? next : end,
+                              .values = round->values + round->count * round->room};
         round->count++;
         at = next;
     }
 }
 
-bool api_lift_rows(const struct document *document, const char **at, const char *end, size_t columns,
-                   take_numbers_fn *take, void *user)
+bool api_lift_rows(const struct document *document, const char **at, const char *end,
+                   size_t columns, take_numbers_fn *take, void *user)
 {
     struct round round = {.columns = columns, .room = STRETCH / 2};
     if (!document->share || end - *at < ROWS_TOGETHER_MIN) return true;

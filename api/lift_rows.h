@@ -20,7 +20,7 @@ typedef bool take_numbers_fn(void *user, const double *values, size_t n);
  * Behind a row of `columns` numbers: the rows that follow, as far as that goes; *at moves behind
  * them.  Does nothing where there are no threads or no memory.  False: take said so.
  */
-bool api_lift_rows(const struct document *document, const char **at, const char *end, size_t columns,
-                   take_numbers_fn *take, void *user);
+bool api_lift_rows(const struct document *document, const char **at, const char *end,
+                   size_t columns, take_numbers_fn *take, void *user);
 
 #endif

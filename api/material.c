@@ -49,7 +49,8 @@ static bool check_table(void *object, const struct place *place, struct decoder 
         if (node[0] > node[-1]) continue;
         api_number_print(value, node[0]);
         api_number_print(last, node[-1]);
-        return api_problem_at(decoder->problem, &at, "%s must be larger than its predecessor %s", value, last);
+        return api_problem_at(decoder->problem, &at, "%s must be larger than its predecessor %s",
+                              value, last);
     }
     if (table->values.columns != 1 && table->values.columns != 3)
         return api_problem_at(decoder->problem, &values, "must hold numbers or [r,g,b]");
@@ -66,16 +67,20 @@ static bool check_slopes(void *object, const struct place *place, struct decoder
     struct place nodes = {place, "log_D", 0};
     if (m->columns == 1) return true;
     if (m->rows < FACET_TABLE_TURNS_MIN || m->rows > LIMIT_TABLE_AZIMUTHS)
-        return api_problem_at(decoder->problem, &nodes, "has %zu rows, must have between %d and %d", m->rows,
-                              FACET_TABLE_TURNS_MIN, LIMIT_TABLE_AZIMUTHS);
+        return api_problem_at(decoder->problem, &nodes, "has %zu rows, must have between %d and %d",
+                              m->rows, FACET_TABLE_TURNS_MIN, LIMIT_TABLE_AZIMUTHS);
     if (m->columns < FACET_TABLE_NODES_MIN || m->columns > LIMIT_TABLE_ROWS_NODES / m->rows)
-        return api_problem_at(decoder->problem, &nodes, "has %zu rows of %zu nodes; such rows must have between %d and %zu",
-                              m->rows, m->columns, FACET_TABLE_NODES_MIN, LIMIT_TABLE_ROWS_NODES / m->rows);
+        return api_problem_at(decoder->problem, &nodes,
+                              "has %zu rows of %zu nodes; such rows must have between %d and %zu",
+                              m->rows, m->columns, FACET_TABLE_NODES_MIN,
+                              LIMIT_TABLE_ROWS_NODES / m->rows);
     for (size_t j = 1; j < m->rows; j++) {
         struct place row = {&nodes, NULL, j}, first = {&row, NULL, 0};
         if (m->values[j * m->columns] != m->values[0])
-            return api_problem_at(decoder->problem, &first, "%.17g is not %.17g: the rows meet at theta = 0, and must agree there",
-                                  m->values[j * m->columns], m->values[0]);
+            return api_problem_at(
+                decoder->problem, &first,
+                "%.17g is not %.17g: the rows meet at theta = 0, and must agree there",
+                m->values[j * m->columns], m->values[0]);
     }
     return true;
 }
@@ -142,9 +147,10 @@ static const struct field slopes_fields[] = {
      .doc = "the nodes are uniform in u = tan theta / (scale + tan theta), 0 to 1"},
     {MEMBER(struct slopes, log_D), FIELD_MATRIX, FIELD_MUST, .min = -1e4, .max = 1e3,
      .min_items = FACET_TABLE_NODES_MIN, .max_items = LIMIT_TABLE_NODES, .width = 1,
-     .doc = "log of the normal distribution at the nodes; -700 and below count as D = 0. Rows of nodes: row j of m at "
-            "azimuth pi j/m of the normal, and of its opposite, in the slopes that the roughness stretches; all rows "
-            "begin with the same number, and there is no mean_slope"},
+     .doc =
+         "log of the normal distribution at the nodes; -700 and below count as D = 0. Rows of nodes: row j of m at "
+         "azimuth pi j/m of the normal, and of its opposite, in the slopes that the roughness stretches; all rows "
+         "begin with the same number, and there is no mean_slope"},
     {0},
 };
 
@@ -154,8 +160,8 @@ static const struct field slopes_fields[] = {
 const struct field api_material_fields[] = {
     {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names,
      .doc = "distribution of slopes; lambert has none"},
-    {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes), .check = check_slopes,
-     .doc = "the table of a tabulated distribution, as a fit returns it"},
+    {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes),
+     .check = check_slopes, .doc = "the table of a tabulated distribution, as a fit returns it"},
     {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness; 1 for tabulated by default"},
     {M(alpha_x), FIELD_NUMBER, ALPHA, .doc = "roughness along x, with alpha_y"},
     {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
@@ -169,9 +175,11 @@ const struct field api_material_fields[] = {
      .doc = "E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; beckmann; carries the mean slope"},
     {M(height_scale), FIELD_NUMBER, .min = -1e12, .max = 1e12,
      .doc = "multiplies the heights whose moments are given; 1 by default"},
-    {M(jacobian), FIELD_VECTORS, .width = 2, .min = -1e12, .max = 1e12, .min_items = 2, .max_items = 2,
-     .doc = "[[du/dx, du/dy], [dv/dx, dv/dy]]: stretch and shear of the map whose moments along u and v "
-            "are given (Dupuy section 3.4); identity by default"},
+    {M(jacobian), FIELD_VECTORS, .width = 2, .min = -1e12, .max = 1e12, .min_items = 2,
+     .max_items = 2,
+     .doc =
+         "[[du/dx, du/dy], [dv/dx, dv/dy]]: stretch and shear of the map whose moments along u and v "
+         "are given (Dupuy section 3.4); identity by default"},
     {M(base), FIELD_OPTION, .fields = api_base_fields, .size = sizeof(struct material),
      .check = api_base_check,
      .doc = "roughness of the surface below, added as an independent process; beckmann"},
@@ -189,11 +197,13 @@ const struct field api_material_fields[] = {
     {M(reflectance), FIELD_COLOUR, .min = 0, .max = 1,
      .doc = "of ndf lambert, which has no other member: fr = reflectance/pi"},
     {M(transmission), FIELD_BOOL, FIELD_DEFAULT,
-     .doc = "rough dielectric: wi and wo may lie below, where the index is eta (Walter et al. 2007); ggx or "
-            "beckmann, smith maskings, one eta"},
+     .doc =
+         "rough dielectric: wi and wo may lie below, where the index is eta (Walter et al. 2007); ggx or "
+         "beckmann, smith maskings, one eta"},
     {M(transport), FIELD_ENUM, .names = api_transport_names,
-     .doc = "with transmission: importance, the default, conserves energy over wi; radiance divides what is "
-            "transmitted by n^2, n the index on wi's side over that on wo's"},
+     .doc =
+         "with transmission: importance, the default, conserves energy over wi; radiance divides what is "
+         "transmitted by n^2, n the index on wi's side over that on wo's"},
     {0},
 };
 
@@ -230,15 +240,16 @@ static bool check_form(const struct material *m, const struct place *place, stru
 }
 
 /* One roughness, by its first member that is there; a table is one by itself. */
-static bool check_one_form(const struct material *m, const struct place *place, struct decoder *decoder)
+static bool check_one_form(const struct material *m, const struct place *place,
+                           struct decoder *decoder)
 {
     const struct {
         bool is_given;
         const char *name;
     } members[] = {
-        {given(m->alpha), "alpha"},     {given(m->alpha_x), "alpha_x"}, {given(m->alpha_y), "alpha_y"},
-        {given(m->rho), "rho"},         {given(m->alpha_1), "alpha_1"}, {given(m->alpha_2), "alpha_2"},
-        {given(m->phi), "phi"},         {m->moments.values, "moments"},
+        {given(m->alpha), "alpha"}, {given(m->alpha_x), "alpha_x"}, {given(m->alpha_y), "alpha_y"},
+        {given(m->rho), "rho"},     {given(m->alpha_1), "alpha_1"}, {given(m->alpha_2), "alpha_2"},
+        {given(m->phi), "phi"},     {m->moments.values, "moments"},
     };
     static const int form[] = {0, 1, 1, 1, 2, 2, 2, 3};
     static const char forms[] = "alpha, or alpha_x and alpha_y, or alpha_1 and alpha_2, or moments";
@@ -247,7 +258,8 @@ static bool check_one_form(const struct material *m, const struct place *place, 
         if (!members[i].is_given) continue;
         if (first < 0) first = i;
         if (form[i] != form[first])
-            return api_problem_at(decoder->problem, place, "must have exactly one roughness, not %s beside %s: %s",
+            return api_problem_at(decoder->problem, place,
+                                  "must have exactly one roughness, not %s beside %s: %s",
                                   members[i].name, members[first].name, forms);
     }
     return first >= 0 || m->ndf == FACET_TABULATED ||
@@ -270,14 +282,18 @@ bool api_roughness_check(const struct material *m, const struct place *place,
 bool api_material_check(void *material, const struct place *place, struct decoder *decoder)
 {
     const struct material *m = material;
-    if (m->ndf == NDF_LAMBERT || m->reflectance.channels) return api_lambert_check(m, place, decoder);
-    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0}, mean_slope = {place, "mean_slope", 0};
+    if (m->ndf == NDF_LAMBERT || m->reflectance.channels)
+        return api_lambert_check(m, place, decoder);
+    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0},
+                 mean_slope = {place, "mean_slope", 0};
     if (m->ndf == FACET_TABULATED && !m->slopes)
         return api_problem_at(decoder->problem, &slopes, "is required with ndf \"tabulated\"");
     if (m->ndf != FACET_TABULATED && m->slopes)
         return api_problem_at(decoder->problem, &slopes, "needs ndf \"tabulated\"");
-    if (api_material_is_turned(m) && m->mean_slope.values && (m->mean_slope.values[0] != 0 || m->mean_slope.values[1] != 0))
-        return api_problem_at(decoder->problem, &mean_slope, "must be [0,0] with slopes over the azimuth");
+    if (api_material_is_turned(m) && m->mean_slope.values &&
+        (m->mean_slope.values[0] != 0 || m->mean_slope.values[1] != 0))
+        return api_problem_at(decoder->problem, &mean_slope,
+                              "must be [0,0] with slopes over the azimuth");
     if (m->shear == FACET_THESIS && m->masking != FACET_SMITH &&
         m->masking != FACET_SMITH_UNCORRELATED)
         return api_problem_at(decoder->problem, &shear, "\"thesis\" needs a smith masking");
@@ -417,13 +433,17 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
     facet_slope_table *table;
     struct place at = {place, "slopes", 0};
     const struct matrix *m = &slopes->log_D;
-    facet_status status = m->columns > 1 ? facet_slope_table_create_turned(slopes->scale, m->values, m->columns, m->rows, &table)
-                                         : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
-    if (status == FACET_BAD_TABLE) /* each number has been checked, what is left is their integral */
-        return api_problem_at(decoder->problem, &at,
-                              "log_D describes no surface: D is 0 at all slopes (-700 and below count as 0), or too large to "
-                              "be normalised; the largest log_D is %.6g, and a constant added to all changes nothing",
-                              largest(m));
+    facet_status status = m->columns > 1
+                              ? facet_slope_table_create_turned(slopes->scale, m->values,
+                                                                m->columns, m->rows, &table)
+                              : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
+    if (status ==
+        FACET_BAD_TABLE) /* each number has been checked, what is left is their integral */
+        return api_problem_at(
+            decoder->problem, &at,
+            "log_D describes no surface: D is 0 at all slopes (-700 and below count as 0), or too large to "
+            "be normalised; the largest log_D is %.6g, and a constant added to all changes nothing",
+            largest(m));
     if (status) return api_problem_status(decoder->problem, status, &at);
     material->table = table;
     return api_arena_defer(decoder->arena, destroy_table, table) ||
@@ -433,12 +453,14 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
 /* A coloured diffuse part makes a specular one of one channel into three alike. */
 static void open_diffuse(const struct material *material, struct surface *surface)
 {
-    const struct colour *diffuse = surface->is_lambert ? &material->reflectance : &material->diffuse;
+    const struct colour *diffuse = surface->is_lambert ? &material->reflectance
+                                                       : &material->diffuse;
     facet_fresnel *f = &surface->facet.fresnel;
     if (diffuse->channels == 0) return;
     spread(diffuse, surface->diffuse);
-    surface->has_diffuse =
-        surface->is_lambert || fmax(surface->diffuse[0], fmax(surface->diffuse[1], surface->diffuse[2])) > 0;
+    surface->has_diffuse = surface->is_lambert ||
+                           fmax(surface->diffuse[0],
+                                fmax(surface->diffuse[1], surface->diffuse[2])) > 0;
     if (diffuse->channels == 1 || f->channels == 3) return;
     f->channels = 3;
     for (int c = 1; c < 3; c++) {

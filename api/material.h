@@ -56,10 +56,10 @@ struct material {
     struct numbers mean_slope; /* x, y */
     int masking, shear;
     struct fresnel fresnel;
-    struct colour diffuse; /* kd */
+    struct colour diffuse;     /* kd */
     struct colour reflectance; /* of ndf lambert */
     bool transmission;
-    int transport;         /* a facet_transport */
+    int transport; /* a facet_transport */
 };
 
 extern const struct field api_material_fields[];
@@ -84,9 +84,9 @@ struct surface {
     facet_material facet;
     facet_brdf *brdf;
     facet_bsdf *bsdf; /* of both sides, with transmission; else NULL */
-    size_t channels; /* of coloured quantities: 1 or 3 */
+    size_t channels;  /* of coloured quantities: 1 or 3 */
     bool has_diffuse;
-    bool is_lambert;   /* the diffuse part is all: facet and brdf stand for nothing, with weight 0 */
+    bool is_lambert; /* the diffuse part is all: facet and brdf stand for nothing, with weight 0 */
     double diffuse[3]; /* kd, or reflectance, of each channel; evaluate and sample by diffuse.h */
     /*
      * What rounding in parameters that the service computes (ellipse, moments) adds

@@ -126,14 +126,14 @@ static bool set_roughness(const struct process *p, double rounds, const struct p
                               p->x, p->y);
     if (status)
         return api_problem_at(decoder->problem, at,
-                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range", sqrt(2 * c->xx),
-                              sqrt(2 * c->yy), c->xy / sqrt(c->xx) / sqrt(c->yy));
+                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range",
+                              sqrt(2 * c->xx), sqrt(2 * c->yy), c->xy / sqrt(c->xx) / sqrt(c->yy));
     surface->parameter_error += api_rounding_error(FACET_BECKMANN);
     if (rounds == 0) return true;
     const double spread = (s->xx * c->yy + s->yy * c->xx + 2 * s->xy * fabs(c->xy)) / det;
     const double minor = sqrt(2 * det / (c->xx + c->yy)); /* below the smaller alpha */
-    surface->parameter_error +=
-        gain * rounds * DBL_EPSILON * (spread + (p->terms_x + p->terms_y) / minor);
+    surface->parameter_error += gain * rounds * DBL_EPSILON *
+                                (spread + (p->terms_x + p->terms_y) / minor);
     return true;
 }
 

@@ -37,12 +37,13 @@ static bool unknown(const unsigned char *bytes, size_t size, struct problem *pro
         first[3 * i + 1] = digit[bytes[i] & 15];
         first[3 * i + 2] = i == 3 || i + 1 == size ? '\0' : ' ';
     }
-    return api_problem(problem, 422,
-                       "the body has %zu bytes, the first are %s: that is no measurement; needed is "
-                       "a MERL .binary (%d bytes), a UTIA .bin (%d bytes), an RGL .bsdf (starts "
-                       "with \"tensor_file\"), CSV with theta_i, phi_i, theta_o, phi_o, r, g, b, "
-                       "or JSON",
-                       size, first, MERL_SIZE, UTIA_SIZE);
+    return api_problem(
+        problem, 422,
+        "the body has %zu bytes, the first are %s: that is no measurement; needed is "
+        "a MERL .binary (%d bytes), a UTIA .bin (%d bytes), an RGL .bsdf (starts "
+        "with \"tensor_file\"), CSV with theta_i, phi_i, theta_o, phi_o, r, g, b, "
+        "or JSON",
+        size, first, MERL_SIZE, UTIA_SIZE);
 }
 
 bool api_measurement_open(const void *bytes, size_t size, int format, struct arena *arena,

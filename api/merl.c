@@ -102,7 +102,8 @@ static void coordinates(const double wi[3], const double wo[3], double *theta_h,
     double phi = atan2(beside, along);
     *theta_h = sqrt(atan2(across, h[2]) / (FACET_PI / 2)) * HALVES;
     *theta_d = atan2(hypot(along, beside), length) / (FACET_PI / 2) * DIFFERENCES;
-    *phi_d = (phi < 0 ? phi + FACET_PI : phi) / FACET_PI * AZIMUTHS; /* reciprocity: phi_d and phi_d + pi */
+    *phi_d = (phi < 0 ? phi + FACET_PI : phi) / FACET_PI *
+             AZIMUTHS; /* reciprocity: phi_d and phi_d + pi */
 }
 
 /* Half way between cells with and without data there are data, whatever the last bit says. */
@@ -136,9 +137,9 @@ facet_status api_merl_evaluate(const void *user, facet_vec3_in wi, facet_vec3_in
         double theta_h, theta_d, phi_d, rgb[3] = {0, 0, 0};
         coordinates((double[3]){wi.x[i], wi.y[i], wi.z[i]}, (double[3]){wo.x[i], wo.y[i], wo.z[i]},
                     &theta_h, &theta_d, &phi_d);
-        valid[i] =
-            interpolate(merl->bytes, locate(theta_h, HALVES, false),
-                        locate(theta_d, DIFFERENCES, false), locate(phi_d, AZIMUTHS, true), rgb);
+        valid[i] = interpolate(merl->bytes, locate(theta_h, HALVES, false),
+                               locate(theta_d, DIFFERENCES, false), locate(phi_d, AZIMUTHS, true),
+                               rgb);
         for (size_t k = 0; k < 3; k++) fr[k][i] = rgb[k];
     }
     return FACET_OK;

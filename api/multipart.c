@@ -120,14 +120,17 @@ static bool read_headers(const char **p, const char *end, struct part *part,
         if (stop == line) break;
         if (is_header(line, stop, "Content-Disposition", &value) &&
             parameter(value, stop, "name", part->name, sizeof part->name) < 1)
-            return api_problem(problem, 422, "a part has no name of less than %d printable characters",
+            return api_problem(problem, 422,
+                               "a part has no name of less than %d printable characters",
                                PART_NAME_ROOM);
         if (is_header(line, stop, "Content-Transfer-Encoding", &value) &&
             !is_plain_encoding(value, stop))
-            return api_problem(problem, 422,
-                               "a part has a Content-Transfer-Encoding; parts are taken as they are");
+            return api_problem(
+                problem, 422,
+                "a part has a Content-Transfer-Encoding; parts are taken as they are");
     }
-    return *part->name || api_problem(problem, 400, "a part has no Content-Disposition with a name");
+    return *part->name ||
+           api_problem(problem, 400, "a part has no Content-Disposition with a name");
 }
 
 static bool add_part(struct part *parts, size_t *count, const struct part *part,

@@ -85,22 +85,27 @@ bool api_npy_read(const void *bytes, size_t size, const struct place *place, str
     size_t start = header_of(bytes, size, header), shape[2] = {0, 1};
     const char *descr = start ? value_of(header, "'descr'") : NULL;
     const char *order = start ? value_of(header, "'fortran_order'") : NULL;
-    if (!descr || !order) return api_problem_at(problem, place, "is no .npy file of version 1 to 3");
+    if (!descr || !order)
+        return api_problem_at(problem, place, "is no .npy file of version 1 to 3");
     bool is_float = !strncmp(descr, "'<f4'", 5);
     if (!is_float && strncmp(descr, "'<f8'", 5))
-        return api_problem_at(problem, place,
-                              "has the dtype %.*s, must have '<f4' or '<f8', little-endian float32 or "
-                              "float64: .astype('<f4') makes it that",
-                              extent_of(descr, *descr == '[' ? ']' : '\''), descr);
+        return api_problem_at(
+            problem, place,
+            "has the dtype %.*s, must have '<f4' or '<f8', little-endian float32 or "
+            "float64: .astype('<f4') makes it that",
+            extent_of(descr, *descr == '[' ? ']' : '\''), descr);
     const char *sides = value_of(header, "'shape'");
     int rank = dimensions(sides, shape);
     if (rank != 1 && rank != 2)
-        return api_problem_at(problem, place, "has the shape %.*s, must have 1 or 2 dimensions, (n,) or (n, m)",
+        return api_problem_at(problem, place,
+                              "has the shape %.*s, must have 1 or 2 dimensions, (n,) or (n, m)",
                               extent_of(sides, ')'), sides ? sides : "");
     size_t item = is_float ? sizeof(float) : sizeof(double), room = (size - start) / item;
     if ((shape[1] && shape[0] > room / shape[1]) || shape[0] * shape[1] * item != size - start)
-        return api_problem_at(problem, place, "holds %zu bytes behind its header, not those of %zu x %zu numbers of %zu bytes",
-                              size - start, shape[0], shape[1], item);
+        return api_problem_at(
+            problem, place,
+            "holds %zu bytes behind its header, not those of %zu x %zu numbers of %zu bytes",
+            size - start, shape[0], shape[1], item);
     *array = (struct number_array){.type = is_float ? ARRAY_FLOAT : ARRAY_DOUBLE,
                                    .data = (const char *)bytes + start,
                                    .count = shape[0] * shape[1],

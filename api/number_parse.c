@@ -139,8 +139,8 @@ static const char *exponent_of(const char *p, const char *end, int64_t *exponent
 }
 
 /* Powers of ten that doubles hold. */
-static const double exact_tens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                                    1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+static const double exact_tens[] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                    1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
 
 static inline uint64_t digits_at(const char *p)
 {
@@ -170,7 +170,8 @@ static inline const char *parse_plain(const char *p, bool negative, double *valu
     n += n == 8 ? count_of_digits(b) : 0;
     if (!n) return NULL;
     wide digits = ((wide)b << 64 | a) << 8 * (16 - n);
-    uint64_t w = value_of_eight((uint64_t)digits) * 100000000 + value_of_eight((uint64_t)(digits >> 64));
+    uint64_t w = value_of_eight((uint64_t)digits) * 100000000 +
+                 value_of_eight((uint64_t)(digits >> 64));
     if (n == 16) {
         uint64_t c = digits_at(p + 18);
         more = count_of_digits(c);
@@ -193,7 +194,8 @@ static inline const char *parse_plain(const char *p, bool negative, double *valu
 static inline const char *parse(const char *at, const char *end, double *value)
 {
     const char *p = at, *plain;
-    if (end - p > PLAIN_ROOM && (plain = parse_plain(p + (*p == '-'), *p == '-', value))) return plain;
+    if (end - p > PLAIN_ROOM && (plain = parse_plain(p + (*p == '-'), *p == '-', value)))
+        return plain;
     bool negative = p < end && *p == '-';
     p += negative;
     if (p == end || !is_digit(*p)) return NULL;

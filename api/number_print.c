@@ -15,9 +15,12 @@ static bool is_digit(char c)
 
 /* "000 001 .. 999 ": four bytes each, so that one move takes three digits. */
 #define TEN(p) p "0 " p "1 " p "2 " p "3 " p "4 " p "5 " p "6 " p "7 " p "8 " p "9 "
-#define HUNDRED(p) TEN(p "0") TEN(p "1") TEN(p "2") TEN(p "3") TEN(p "4") TEN(p "5") TEN(p "6") TEN(p "7") TEN(p "8") TEN(p "9")
-static const char triples[] = HUNDRED("0") HUNDRED("1") HUNDRED("2") HUNDRED("3") HUNDRED("4") HUNDRED("5")
-    HUNDRED("6") HUNDRED("7") HUNDRED("8") HUNDRED("9");
+#define HUNDRED(p)                                                                                 \
+    TEN(p "0")                                                                                     \
+    TEN(p "1")                                                                                     \
+    TEN(p "2") TEN(p "3") TEN(p "4") TEN(p "5") TEN(p "6") TEN(p "7") TEN(p "8") TEN(p "9")
+static const char triples[] = HUNDRED("0") HUNDRED("1") HUNDRED("2") HUNDRED("3") HUNDRED("4")
+    HUNDRED("5") HUNDRED("6") HUNDRED("7") HUNDRED("8") HUNDRED("9");
 
 /*
  * 2^54 / 10^(count - 3) rounded up: times a number of `count` digits it puts the point behind the third.
@@ -91,7 +94,8 @@ static int write_far(char *out, const char *digits, int count, int exponent)
 }
 
 /* 0.00ddd, for exponents -4 to -1: the digits fall into their place. */
-__attribute__((always_inline)) static inline int write_fraction(char *out, uint64_t n, int count, int exponent)
+__attribute__((always_inline)) static inline int write_fraction(char *out, uint64_t n, int count,
+                                                                int exponent)
 {
     memcpy(out, "0.000000", 8);
     return 1 - exponent + write_digits(out + 1 - exponent, n, count);
@@ -121,7 +125,8 @@ static int write_special(char *out, double value)
 }
 
 /* By the C library: where rounding is too close to call. */
-__attribute__((noinline, cold)) static uint64_t round_by_library(double value, int digits, int *exponent)
+__attribute__((noinline, cold)) static uint64_t round_by_library(double value, int digits,
+                                                                 int *exponent)
 {
     char text[NUMBER_ROOM];
     snprintf(text, sizeof text, "%.*e", digits - 1, value);
@@ -161,7 +166,8 @@ static uint64_t round_to_digits(double value, int digits, int *exponent)
  * The same of a normal number and at most 9 digits, from one product of leading words, which lies
  * less than 2 below the exact one; 0 where that cannot tell.
  */
-__attribute__((always_inline)) static inline uint64_t round_to_few(uint64_t bits, int digits, int *exponent)
+__attribute__((always_inline)) static inline uint64_t round_to_few(uint64_t bits, int digits,
+                                                                   int *exponent)
 {
     uint64_t w = bits << 11 | (uint64_t)1 << 63, binade = api_binades[bits >> 52];
     int e = (int)(bits >> 52) - 1023, k = (int)(binade & 2047) - LOG10_BIAS + (w > binade);
@@ -174,7 +180,8 @@ __attribute__((always_inline)) static inline uint64_t round_to_few(uint64_t bits
 }
 
 /* The number with its sign, and the NUL. */
-__attribute__((noinline)) static int print_decimal(char *out, bool is_negative, uint64_t n, int count, int exponent)
+__attribute__((noinline)) static int print_decimal(char *out, bool is_negative, uint64_t n,
+                                                   int count, int exponent)
 {
     char *p = out;
     *p = '-';
@@ -191,7 +198,8 @@ __attribute__((noinline)) static int print_any_digits(char *out, double value, i
     uint64_t n = round_to_digits(fabs(value), digits, &exponent);
     /* Next to the largest double, rounding up leaves the doubles, and a reader would see infinity. */
     const uint64_t largest = 17976931348623157; /* the digits of DBL_MAX */
-    if (exponent >= DBL_MAX_10_EXP && (exponent > DBL_MAX_10_EXP || n > largest / tens[17 - digits]))
+    if (exponent >= DBL_MAX_10_EXP &&
+        (exponent > DBL_MAX_10_EXP || n > largest / tens[17 - digits]))
         return api_number_print(out, value);
     return print_decimal(out, value < 0, n, digits, exponent);
 }

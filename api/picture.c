@@ -83,12 +83,15 @@ static void curve(struct text *t, const double *y, int top, int base, const char
 static void panel(struct text *t, const struct lobe *lobe, bool has_fit, double degrees, int offset)
 {
     int top = top_decade(lobe), base = offset + TOP + INNER;
-    api_text_print(t, "<text x=\"%d\" y=\"%d\">theta_o = %g degrees: f_r cos theta_i over theta_i, "
-                      "-89 to 89 degrees</text>\n", LEFT, offset + TOP - 10, degrees);
+    api_text_print(t,
+                   "<text x=\"%d\" y=\"%d\">theta_o = %g degrees: f_r cos theta_i over theta_i, "
+                   "-89 to 89 degrees</text>\n",
+                   LEFT, offset + TOP - 10, degrees);
     for (int k = 0; k <= 5; k++) {
         int y = base - k * INNER / 5;
-        api_text_print(t, "<line x1=\"%d\" x2=\"%d\" y1=\"%d\" y2=\"%d\" stroke=\"#ccc\"/>"
-                          "<text x=\"%d\" y=\"%d\" text-anchor=\"end\">1e%d</text>\n",
+        api_text_print(t,
+                       "<line x1=\"%d\" x2=\"%d\" y1=\"%d\" y2=\"%d\" stroke=\"#ccc\"/>"
+                       "<text x=\"%d\" y=\"%d\" text-anchor=\"end\">1e%d</text>\n",
                        LEFT, WIDTH - RIGHT, y, y, LEFT - 6, y + 4, top - 5 + k);
     }
     for (int c = 0; c < 3; c++) {
@@ -111,9 +114,10 @@ bool api_picture(struct call *call, const facet_fit_source *source, const facet_
     if (!source->evaluate)
         return api_problem(call->problem, 422,
                            "samples are scattered: there is no lobe to draw; ask for JSON");
-    api_text_print(&text, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
-                          "font-family=\"sans-serif\" font-size=\"12\">\n"
-                          "<rect width=\"100%%\" height=\"100%%\" fill=\"white\"/>\n",
+    api_text_print(&text,
+                   "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" "
+                   "font-family=\"sans-serif\" font-size=\"12\">\n"
+                   "<rect width=\"100%%\" height=\"100%%\" fill=\"white\"/>\n",
                    WIDTH, VIEWS * PANEL + 30);
     for (int v = 0; v < VIEWS; v++) {
         facet_status status = ask(source, candidate, view_degrees[v] * FACET_PI / 180, lobe);
@@ -121,12 +125,15 @@ bool api_picture(struct call *call, const facet_fit_source *source, const facet_
         panel(&text, lobe, candidate != NULL, view_degrees[v], v * PANEL);
     }
     if (candidate)
-        api_text_print(&text, "<text x=\"%d\" y=\"%d\">solid: source; dashed: fit, rms_log %.3g, "
-                              "%zu bytes</text>\n</svg>\n",
+        api_text_print(&text,
+                       "<text x=\"%d\" y=\"%d\">solid: source; dashed: fit, rms_log %.3g, "
+                       "%zu bytes</text>\n</svg>\n",
                        LEFT, VIEWS * PANEL + 18, candidate->error.rms_log, candidate->bytes);
     else
-        api_text_print(&text, "<text x=\"%d\" y=\"%d\">source; none of %zu candidates fits</text>\n"
-                              "</svg>\n", LEFT, VIEWS * PANEL + 18, fit->count);
+        api_text_print(&text,
+                       "<text x=\"%d\" y=\"%d\">source; none of %zu candidates fits</text>\n"
+                       "</svg>\n",
+                       LEFT, VIEWS * PANEL + 18, fit->count);
     char *bytes = api_text_take(&text, &size);
     return bytes ? api_answer_raw(call, PICTURE_TYPE, bytes, size)
                  : api_problem_memory(call->problem);

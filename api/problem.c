@@ -109,14 +109,10 @@ bool api_problem_at(struct problem *problem, const struct place *place, const ch
 bool api_problem_status(struct problem *problem, facet_status status, const struct place *place)
 {
     switch (status) {
-    case FACET_NO_MEMORY:
-        return api_problem_memory(problem);
-    case FACET_CANCELLED:
-        return api_problem(problem, 503, "the request was cancelled");
-    case FACET_OK:
-        return api_problem(problem, 500, "a success was reported as an error");
-    default:
-        return api_problem_at(problem, place, "%s", facet_status_text(status));
+    case FACET_NO_MEMORY: return api_problem_memory(problem);
+    case FACET_CANCELLED: return api_problem(problem, 503, "the request was cancelled");
+    case FACET_OK: return api_problem(problem, 500, "a success was reported as an error");
+    default: return api_problem_at(problem, place, "%s", facet_status_text(status));
     }
 }
 

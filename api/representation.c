@@ -45,9 +45,8 @@ bool api_represent(const struct call *call, int dtype, const struct tolerance_re
     *out = (struct representation){.type = api_answer_type(call, JSON_TYPE)};
     if (!strcmp(out->type, JSON_TYPE)) return true;
     if (!strcmp(out->type, NPY_TYPE) && count != 1)
-        return api_problem(call->problem, 406,
-                           "%s holds one array and %zu were asked for: use %s", NPY_TYPE, count,
-                           NPZ_TYPE);
+        return api_problem(call->problem, 406, "%s holds one array and %zu were asked for: use %s",
+                           NPY_TYPE, count, NPZ_TYPE);
     if (dtype == DTYPE_FLOAT32 && tolerance <= FLOAT_ROUNDING)
         return api_problem_at(call->problem, &at,
                               "float32 rounds by %.2g, which is not below the tolerance %.3g",
@@ -75,9 +74,9 @@ bool api_results_check(const struct results *results, const char *name, const ch
 {
     const struct place at = {NULL, "dtype", 0};
     if (results->fault == RESULTS_TOO_LARGE)
-        return api_problem_at(problem, &at,
-                              "%s of %s %zu is too large for float32: \"dtype\":\"float64\" holds it",
-                              name, what, results->count);
+        return api_problem_at(
+            problem, &at, "%s of %s %zu is too large for float32: \"dtype\":\"float64\" holds it",
+            name, what, results->count);
     if (results->fault == RESULTS_NOT_FINITE)
         return api_problem(problem, 500, "%s of %s %zu is not finite", name, what, results->count);
     return true;
@@ -90,7 +89,7 @@ static bool header_of(struct call *call, const char *name, const struct text *te
     size_t size;
     char *value = api_text_take(text, &size);
     if (!value) return api_problem_memory(call->problem);
-    bool fits = size < sizeof ((struct api_header *)0)->value;
+    bool fits = size < sizeof((struct api_header *)0)->value;
     if (fits) api_answer_header(call->response, name, "%s", value);
     free(value);
     return fits || api_problem(call->problem, 500, "the header %s does not fit", name);

@@ -22,10 +22,11 @@ extern const char *const api_array_answers[];
 extern const char *const api_dtype_names[];
 #define DTYPE_FIELD(type_)                                                                         \
     {                                                                                              \
-        MEMBER(type_, dtype), FIELD_ENUM, .names = api_dtype_names,                                \
-                                          .doc = "of raw arrays in a multipart request (else "     \
-                                                 "float32), and of the numbers in a binary answer "\
-                                                 "(else float32 for a tolerance from 2.5e-7 on)"   \
+        MEMBER(type_, dtype), FIELD_ENUM,                                                          \
+            .names = api_dtype_names,                                                              \
+            .doc = "of raw arrays in a multipart request (else "                                   \
+                   "float32), and of the numbers in a binary answer "                              \
+                   "(else float32 for a tolerance from 2.5e-7 on)"                                 \
     }
 
 /* Without "dtype" a binary answer is float32 from this tolerance on. */

@@ -17,11 +17,8 @@ void api_results_open(struct results *results, struct arena *arena, size_t width
 void api_results_open_as(struct results *results, struct arena *arena, enum results_format format,
                          size_t width, bool flat, int digits)
 {
-    *results = (struct results){.text = api_text(arena),
-                                .format = format,
-                                .width = width,
-                                .flat = flat,
-                                .digits = digits};
+    *results = (struct results){
+        .text = api_text(arena), .format = format, .width = width, .flat = flat, .digits = digits};
 }
 
 size_t api_number_size(enum results_format format)

@@ -19,10 +19,10 @@ enum results_fault { RESULTS_SOUND, RESULTS_NOT_FINITE, RESULTS_TOO_LARGE };
 struct results {
     struct text text; /* or bytes */
     enum results_format format;
-    size_t width; /* numbers per element */
-    bool flat;    /* JSON: [x,y,z,x,..] instead of [[x,y,z],..] */
-    int digits;   /* JSON */
-    size_t count; /* elements so far */
+    size_t width;             /* numbers per element */
+    bool flat;                /* JSON: [x,y,z,x,..] instead of [[x,y,z],..] */
+    int digits;               /* JSON */
+    size_t count;             /* elements so far */
     enum results_fault fault; /* of the element `count` */
 };
 

@@ -193,8 +193,8 @@ static bool read_document(struct call *call, struct document *document)
     if (api_media_is(request->content_type, FORM_TYPE)) {
         if (size > LIMIT_BINARY_BODY)
             return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);
-        return api_json_form(request->content_type, request->body, size, call->arena,
-                             call->problem, document);
+        return api_json_form(request->content_type, request->body, size, call->arena, call->problem,
+                             document);
     }
     if (size > LIMIT_JSON_BODY)
         return api_problem(call->problem, 413, "a JSON body may have %d bytes", LIMIT_JSON_BODY);

@@ -5,14 +5,16 @@
 #include <string.h>
 
 struct columns {
-    float wo[3][SAMPLE_FLOATS_MAX], u[2][SAMPLE_FLOATS_MAX], wi[3][SAMPLE_FLOATS_MAX], h[3][SAMPLE_FLOATS_MAX];
+    float wo[3][SAMPLE_FLOATS_MAX], u[2][SAMPLE_FLOATS_MAX], wi[3][SAMPLE_FLOATS_MAX],
+        h[3][SAMPLE_FLOATS_MAX];
     float weight[3][SAMPLE_FLOATS_MAX], pdf[SAMPLE_FLOATS_MAX];
 };
 
 bool api_takes_float_samples(const struct float_samples *job, enum results_format format)
 {
-    return format == RESULTS_FLOAT32 && job->tier != FACET_PRECISE && api_surface_takes_floats(job->surface) && job->u->floats &&
-           !job->pairing->outer && api_plan_is_float(job->wo);
+    return format == RESULTS_FLOAT32 && job->tier != FACET_PRECISE &&
+           api_surface_takes_floats(job->surface) && job->u->floats && !job->pairing->outer &&
+           api_plan_is_float(job->wo);
 }
 
 static void fill(const struct float_samples *job, size_t start, size_t n, struct columns *c)
@@ -44,21 +46,25 @@ bool api_add_float_samples(struct float_samples *job, size_t start, size_t n)
 {
     struct columns c;
     size_t channels = job->surface->channels;
-    facet_samples_float samples = {.wi = {c.wi[0], c.wi[1], c.wi[2]}, .pdf = job->pdf ? c.pdf : NULL};
+    facet_samples_float samples = {.wi = {c.wi[0], c.wi[1], c.wi[2]},
+                                   .pdf = job->pdf ? c.pdf : NULL};
     if (job->h) samples.h = (facet_vec3_out_float){c.h[0], c.h[1], c.h[2]};
     for (size_t k = 0; k < channels && job->weight; k++) samples.weight[k] = c.weight[k];
     fill(job, start, n, &c);
-    if (facet_sample_float(job->surface->brdf, job->tier, job->sampler, (facet_vec3_in_float){c.wo[0], c.wo[1], c.wo[2]},
-                           c.u[0], c.u[1], n, &samples))
+    if (facet_sample_float(job->surface->brdf, job->tier, job->sampler,
+                           (facet_vec3_in_float){c.wo[0], c.wo[1], c.wo[2]}, c.u[0], c.u[1], n,
+                           &samples))
         return false;
     bool sound = !job->pdf || api_floats_are_sound(c.pdf, n);
     for (size_t k = 0; k < 3; k++) {
-        sound = sound && api_floats_are_sound(c.wi[k], n) && (!job->h || api_floats_are_sound(c.h[k], n));
+        sound = sound && api_floats_are_sound(c.wi[k], n) &&
+                (!job->h || api_floats_are_sound(c.h[k], n));
         if (job->weight && k < channels) sound = sound && api_floats_are_sound(c.weight[k], n);
     }
     if (!sound) return false;
     for (size_t i = 0; i < n; i++) job->wasted += !(c.wi[2][i] > 0);
-    float *pdf[3] = {c.pdf, c.pdf, c.pdf}, *weight[3], *wi[3] = {c.wi[0], c.wi[1], c.wi[2]}, *h[3] = {c.h[0], c.h[1], c.h[2]};
+    float *pdf[3] = {c.pdf, c.pdf, c.pdf}, *weight[3], *wi[3] = {c.wi[0], c.wi[1], c.wi[2]},
+          *h[3] = {c.h[0], c.h[1], c.h[2]};
     for (size_t k = 0; k < 3; k++) weight[k] = c.weight[k < channels ? k : 0];
     if (job->wi) add(job->wi, wi, n);
     if (job->weight) add(job->weight, weight, n);

@@ -15,7 +15,7 @@ struct float_samples {
     facet_sampler sampler;
     const struct plan *wo;
     const struct sent_numbers *u;
-    const struct pairing *pairing; /* first: wo, second: u */
+    const struct pairing *pairing;         /* first: wo, second: u */
     struct results *wi, *weight, *pdf, *h; /* NULL: not asked for */
     size_t wasted;
 };

@@ -14,13 +14,13 @@ extern const char *const api_sampler_names[];
     {                                                                                              \
         MEMBER(type_, sampler), FIELD_ENUM, FIELD_DEFAULT,                                         \
             .names = api_sampler_names,                                                            \
-            .doc =                                                                                 \
-                role_ "; visible normals: caps (ggx), bounded (ggx; caps without most of what "    \
-                      "falls below the horizon), slope (ggx, beckmann), table; vcavity (ggx, "     \
-                      "beckmann): those of V-cavities; ndf: all normals; cosine: of wi; auto: "    \
-                      "caps for ggx, slope for beckmann, table for tabulated, cosine, the only "   \
-                      "one, for lambert; with "                                                    \
-                      "transmission auto, caps and slope"                                          \
+            .doc = role_                                                                           \
+            "; visible normals: caps (ggx), bounded (ggx; caps without most of what "              \
+            "falls below the horizon), slope (ggx, beckmann), table; vcavity (ggx, "               \
+            "beckmann): those of V-cavities; ndf: all normals; cosine: of wi; auto: "              \
+            "caps for ggx, slope for beckmann, table for tabulated, cosine, the only "             \
+            "one, for lambert; with "                                                              \
+            "transmission auto, caps and slope"                                                    \
     }
 
 /* The methods that sample this ndf of a material, a bit each; AUTO is not among them. */

@@ -13,8 +13,8 @@
 const struct field api_samples_fields[] = {
     DIRECTIONS_FIELD(struct samples, wi, FIELD_MUST, "towards the light"),
     DIRECTIONS_FIELD(struct samples, wo, FIELD_MUST, "towards the viewer, as many as wi"),
-    {MEMBER(struct samples, fr), FIELD_MATRIX, FIELD_MUST, .min = -NUMBER_MAX, .max = NUMBER_MAX, .width = 1,
-     .doc = "a number or [r,g,b] per pair; below 0 counts as 0"},
+    {MEMBER(struct samples, fr), FIELD_MATRIX, FIELD_MUST, .min = -NUMBER_MAX, .max = NUMBER_MAX,
+     .width = 1, .doc = "a number or [r,g,b] per pair; below 0 counts as 0"},
     {0},
 };
 
@@ -25,8 +25,9 @@ static bool finish(double *const column[9], size_t n, struct arena *arena, struc
     facet_fit_samples *samples = api_arena_array(arena, 1, sizeof *samples);
     if (!samples) return api_problem_memory(problem);
     if (n < FACET_FIT_SAMPLES_MIN)
-        return api_problem(problem, 422, "%zu samples determine no material; at least %d are needed",
-                           n, FACET_FIT_SAMPLES_MIN);
+        return api_problem(problem, 422,
+                           "%zu samples determine no material; at least %d are needed", n,
+                           FACET_FIT_SAMPLES_MIN);
     *samples = (facet_fit_samples){.count = n,
                                    .wi = {column[0], column[1], column[2]},
                                    .wo = {column[3], column[4], column[5]},
@@ -68,7 +69,8 @@ bool api_samples_open(const struct samples *samples, const struct place *place,
     struct plan wi, wo;
     double *column[9];
     *m = (struct measurement){.format = -1};
-    if (!api_plan(&samples->wi, &wi_at, decoder, &wi) || !api_plan(&samples->wo, &wo_at, decoder, &wo))
+    if (!api_plan(&samples->wi, &wi_at, decoder, &wi) ||
+        !api_plan(&samples->wo, &wo_at, decoder, &wo))
         return false;
     const struct matrix *fr = &samples->fr;
     if (wi.count != wo.count)
@@ -104,7 +106,8 @@ static bool is_digit(unsigned char c)
 bool api_csv_matches(const unsigned char *bytes, size_t size)
 {
     size_t i = 0;
-    while (i < size && (bytes[i] == ' ' || bytes[i] == '\t' || bytes[i] == '\n' || bytes[i] == '\r'))
+    while (i < size &&
+           (bytes[i] == ' ' || bytes[i] == '\t' || bytes[i] == '\n' || bytes[i] == '\r'))
         i++;
     if (i == size) return false;
     for (size_t k = i; k < size && k < i + 64; k++)
@@ -206,8 +209,9 @@ static bool read_number(const struct csv *csv, const char *cell, const char *nam
     if (end == cell || *end || isnan(*value))
         return api_problem(csv->problem, 422, "line %zu: \"%s\" is not a number for %s", csv->line,
                            cell, name);
-    return fabs(*value) <= NUMBER_MAX || api_problem(csv->problem, 422, "line %zu: %s %s is outside [-1e30, 1e30]",
-                                                     csv->line, name, cell);
+    return fabs(*value) <= NUMBER_MAX ||
+           api_problem(csv->problem, 422, "line %zu: %s %s is outside [-1e30, 1e30]", csv->line,
+                       name, cell);
 }
 
 /* Nothing, or what programs print for NaN: nan, NaN, -nan, ... */
@@ -275,8 +279,9 @@ bool api_csv_open(const void *bytes, size_t size, struct arena *arena, struct pr
         if (first && !read_names(&csv, cell, cells, &is_names)) return false;
         if (is_names) continue;
         if (cells != COLUMNS)
-            return api_problem(problem, 422, "line %zu has %s%d cells; %d are needed: theta_i, "
-                                             "phi_i, theta_o, phi_o, r, g, b",
+            return api_problem(problem, 422,
+                               "line %zu has %s%d cells; %d are needed: theta_i, "
+                               "phi_i, theta_o, phi_o, r, g, b",
                                csv.line, cells > COLUMNS ? "more than " : "",
                                cells > COLUMNS ? COLUMNS : cells, COLUMNS);
         if (!read_row(&csv, cell, v, &missing)) return false;

@@ -117,9 +117,7 @@ static void numeric_schema(struct text *text, const struct field *field)
 {
     struct field element = *field;
     switch (field->type) {
-    case FIELD_INTEGER:
-        number_schema(text, field, "integer");
-        break;
+    case FIELD_INTEGER: number_schema(text, field, "integer"); break;
     case FIELD_COLOUR:
         api_text_put(text, "{\"oneOf\":[");
         number_schema(text, field, "number");
@@ -127,9 +125,7 @@ static void numeric_schema(struct text *text, const struct field *field)
         array_of_numbers(text, field, 3, 3);
         api_text_put(text, "]}");
         break;
-    case FIELD_NUMBERS:
-        array_of_numbers(text, field, field->min_items, field->max_items);
-        break;
+    case FIELD_NUMBERS: array_of_numbers(text, field, field->min_items, field->max_items); break;
     case FIELD_VECTORS:
         api_text_put(text, "{\"anyOf\":[");
         array_of_vectors(text, field, field->width);
@@ -155,29 +151,21 @@ static void numeric_schema(struct text *text, const struct field *field)
         numeric_schema(text, &element);
         api_text_put(text, "}");
         break;
-    default:
-        number_schema(text, field, "number");
-        break;
+    default: number_schema(text, field, "number"); break;
     }
 }
 
 static void body_schema(struct text *text, const struct field *field)
 {
     switch (field->type) {
-    case FIELD_BOOL:
-        api_text_put(text, "{\"type\":\"boolean\"}");
-        break;
-    case FIELD_ENUM:
-        names_schema(text, field->names);
-        break;
+    case FIELD_BOOL: api_text_put(text, "{\"type\":\"boolean\"}"); break;
+    case FIELD_ENUM: names_schema(text, field->names); break;
     case FIELD_SET:
         api_text_put(text, "{\"type\":\"array\",\"minItems\":1,\"uniqueItems\":true,\"items\":");
         names_schema(text, field->names);
         api_text_put(text, "}");
         break;
-    case FIELD_TEXT:
-        api_text_put(text, "{\"type\":\"string\"}");
-        break;
+    case FIELD_TEXT: api_text_put(text, "{\"type\":\"string\"}"); break;
     case FIELD_OBJECT:
     case FIELD_OPTION:
         if (!reference(text, field->fields)) object_members(text, field->fields, field->one_of);
@@ -196,9 +184,7 @@ static void body_schema(struct text *text, const struct field *field)
         api_text_string(text, field->name);
         api_text_put(text, "}");
         break;
-    default:
-        numeric_schema(text, field);
-        break;
+    default: numeric_schema(text, field); break;
     }
 }
 

@@ -20,10 +20,12 @@ extern const char *const api_sequence_names[];
 
 #define SEQUENCE_FIELD(type_)                                                                      \
     {                                                                                              \
-        MEMBER(type_, sequence), FIELD_ENUM, FIELD_DEFAULT, .names = api_sequence_names,           \
-            .doc = "with n: independent numbers, Owen-scrambled Sobol points (best with n a power "   \
-                   "of two), or the R2 lattice with a random shift; the last two cover the square "  \
-                   "evenly, anew for each wo"                                                     \
+        MEMBER(type_, sequence), FIELD_ENUM, FIELD_DEFAULT,                                        \
+            .names = api_sequence_names,                                                           \
+            .doc =                                                                                 \
+                "with n: independent numbers, Owen-scrambled Sobol points (best with n a power "   \
+                "of two), or the R2 lattice with a random shift; the last two cover the square "   \
+                "evenly, anew for each wo"                                                         \
     }
 
 /* Point index < 2^32 of n in the set-th set: u[0] and u[1] in [0, 1). */

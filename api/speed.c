@@ -4,8 +4,8 @@
 
 #include <math.h>
 
-bool api_measure_eval(const facet_brdf *brdf, const facet_bsdf *bsdf, facet_tier tier, facet_quantity quantity,
-                      struct arena *arena, double *ns)
+bool api_measure_eval(const facet_brdf *brdf, const facet_bsdf *bsdf, facet_tier tier,
+                      facet_quantity quantity, struct arena *arena, double *ns)
 {
     enum { N = 2048, REPEATS = 5 };
     double *v[7];
@@ -22,7 +22,9 @@ bool api_measure_eval(const facet_brdf *brdf, const facet_bsdf *bsdf, facet_tier
     *ns = INFINITY;
     for (int i = 0; i < REPEATS; i++) {
         double start = api_clock();
-        if (bsdf ? facet_bsdf_eval(bsdf, tier, wi, wo, N, &outputs) : facet_eval(brdf, tier, wi, wo, N, &outputs)) return false;
+        if (bsdf ? facet_bsdf_eval(bsdf, tier, wi, wo, N, &outputs)
+                 : facet_eval(brdf, tier, wi, wo, N, &outputs))
+            return false;
         double us = api_clock() - start;
         if (us * 1e3 / N < *ns) *ns = us * 1e3 / N;
     }

@@ -15,8 +15,9 @@ static atomic_flag ready_is_taken = ATOMIC_FLAG_INIT;
 
 struct api_stream *api_stream_open(size_t memory_limit)
 {
-    struct api_stream *stream =
-        SANITIZED || atomic_flag_test_and_set(&ready_is_taken) ? malloc(sizeof *stream) : &ready;
+    struct api_stream *stream = SANITIZED || atomic_flag_test_and_set(&ready_is_taken)
+                                    ? malloc(sizeof *stream)
+                                    : &ready;
     if (!stream) return NULL;
     memset(stream, 0, offsetof(struct api_stream, problem.errors));
     api_arena_open(&stream->arena, memory_limit);

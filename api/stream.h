@@ -13,14 +13,15 @@
 enum { STREAM_MIN = 1 << 20 };
 
 struct api_stream {
-    struct arena arena; /* the request's */
-    struct api_request request;   /* a copy: what it points to is the caller's */
+    struct arena arena;         /* the request's */
+    struct api_request request; /* a copy: what it points to is the caller's */
     struct call call;
     struct pieces pieces;
     size_t piece, taken; /* pieces that are gone, and bytes of the next */
     bool failed;
-    struct problem problem;      /* from its errors on nothing is zeroed: for a tiny answer it would be much work */
-    struct api_response scratch; /* the call's response once api_handle has returned */
+    struct problem
+        problem; /* from its errors on nothing is zeroed: for a tiny answer it would be much work */
+    struct api_response scratch;       /* the call's response once api_handle has returned */
     char first[4096 + ARENA_OVERHEAD]; /* of the arena */
 };
 

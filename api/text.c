@@ -114,8 +114,8 @@ void api_text_number(struct text *text, double value, int digits)
     char *end = api_text_reserve(text, NUMBER_ROOM);
     if (!end) return;
     api_text_commit(text, (size_t)(digits == NUMBER_SHORTEST
-                              ? api_number_print(end, value)
-                              : api_number_print_digits(end, value, digits)));
+                                       ? api_number_print(end, value)
+                                       : api_number_print_digits(end, value, digits)));
 }
 
 void api_text_join(struct text *text, struct text *tail)

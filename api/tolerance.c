@@ -19,8 +19,9 @@ const struct field api_accuracy_fields[] = {
     {MEMBER(struct accuracy, direction_floor), FIELD_NUMBER, .min = 0, .max = 1,
      .doc = "the floor that holds for the components of directions (wi, h) in this answer"},
     {MEMBER(struct accuracy, ceiling), FIELD_NUMBER,
-     .doc = "an exact x above it, the largest double, is answered as it: G and G1 of a surface with a mean slope, "
-            "seen from so far behind that next to nothing of it is left"},
+     .doc =
+         "an exact x above it, the largest double, is answered as it: G and G1 of a surface with a mean slope, "
+         "seen from so far behind that next to nothing of it is left"},
     {0},
 };
 
@@ -72,7 +73,8 @@ void api_promise_fewer_digits(const struct tolerance_request *request, struct pr
 {
     double tolerance = tolerance_of(request);
     if (!(tolerance < 1)) return;
-    while (promise->digits > 1 && meets(promise->arithmetic, tolerance, promise->digits - 1)) promise->digits--;
+    while (promise->digits > 1 && meets(promise->arithmetic, tolerance, promise->digits - 1))
+        promise->digits--;
     promise->bound = printed_at(promise->arithmetic, tolerance, promise->digits);
 }
 
@@ -97,9 +99,10 @@ bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, co
                               "%.3g cannot be promised for this request; the best bound is %.3g",
                               tolerance, best);
     if (forced)
-        return api_problem_at(problem, &at,
-                              "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
-                              "that does is taken (/v1/capabilities: where each holds)",
-                              api_tier_names[request->tier]);
+        return api_problem_at(
+            problem, &at,
+            "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
+            "that does is taken (/v1/capabilities: where each holds)",
+            api_tier_names[request->tier]);
     return api_problem_at(problem, &at, "no bound can be promised for this request: %s", obstacle);
 }

@@ -22,7 +22,8 @@ bool api_transmission_refuse(const struct material *material, const struct place
 bool api_transmission_bound(const struct surface *surface, facet_tier tier, facet_quantity quantity,
                             double input_error, double *bound);
 /* facet_sample_bound; is_dense: some wo are on the side of the larger index. */
-bool api_transmission_sample_bound(const struct surface *surface, facet_tier tier, facet_sampler sampler,
-                                   bool is_dense, double input_error, double *bound);
+bool api_transmission_sample_bound(const struct surface *surface, facet_tier tier,
+                                   facet_sampler sampler, bool is_dense, double input_error,
+                                   double *bound);
 
 #endif

@@ -21,9 +21,12 @@ struct columns4 {
 
 static inline struct columns4 columns_of_triples(float4 a, float4 b, float4 c)
 {
-    float4 xa = __builtin_shufflevector(b, c, 2, 2, 5, 5), yb = __builtin_shufflevector(a, b, 1, 1, 4, 4);
-    float4 yc = __builtin_shufflevector(b, c, 3, 3, 6, 6), za = __builtin_shufflevector(a, b, 2, 2, 5, 5);
-    return (struct columns4){__builtin_shufflevector(a, xa, 0, 3, 4, 6), __builtin_shufflevector(yb, yc, 0, 2, 4, 6),
+    float4 xa = __builtin_shufflevector(b, c, 2, 2, 5, 5),
+           yb = __builtin_shufflevector(a, b, 1, 1, 4, 4);
+    float4 yc = __builtin_shufflevector(b, c, 3, 3, 6, 6),
+           za = __builtin_shufflevector(a, b, 2, 2, 5, 5);
+    return (struct columns4){__builtin_shufflevector(a, xa, 0, 3, 4, 6),
+                             __builtin_shufflevector(yb, yc, 0, 2, 4, 6),
                              __builtin_shufflevector(za, c, 0, 2, 4, 7)};
 }
 
@@ -39,14 +42,16 @@ static inline float4 floats_at(const char *bytes)
 static inline struct columns4 triples_at(const void *floats, size_t i)
 {
     const char *p = (const char *)floats + i * 3 * sizeof(float);
-    return columns_of_triples(floats_at(p), floats_at(p + sizeof(float4)), floats_at(p + 2 * sizeof(float4)));
+    return columns_of_triples(floats_at(p), floats_at(p + sizeof(float4)),
+                              floats_at(p + 2 * sizeof(float4)));
 }
 
 /* Stored by halves: a register of four doubles is not to be had everywhere. */
 static inline void put_widened(double *out, float4 v)
 {
     double4 wide = __builtin_convertvector(v, double4);
-    double2 low = __builtin_shufflevector(wide, wide, 0, 1), high = __builtin_shufflevector(wide, wide, 2, 3);
+    double2 low = __builtin_shufflevector(wide, wide, 0, 1),
+            high = __builtin_shufflevector(wide, wide, 2, 3);
     memcpy(out, &low, sizeof low);
     memcpy(out + 2, &high, sizeof high);
 }

@@ -13,7 +13,10 @@
 #include "measurement.h"
 
 enum { UTIA_THETAS = 6, UTIA_PHIS = 48 };
-enum { UTIA_PLANE = UTIA_THETAS * UTIA_PHIS * UTIA_THETAS * UTIA_PHIS, UTIA_SIZE = 24 * UTIA_PLANE };
+enum {
+    UTIA_PLANE = UTIA_THETAS * UTIA_PHIS * UTIA_THETAS * UTIA_PHIS,
+    UTIA_SIZE = 24 * UTIA_PLANE
+};
 
 /* By size: the format has no mark. */
 bool api_utia_matches(const unsigned char *bytes, size_t size);

@@ -47,7 +47,7 @@ struct albedo {
     facet_watch watch;
     double kink[FACET_FRESNEL_NODES_MAX]; /* cos^2 theta_d */
     size_t kinks;
-    bool has_root; /* F leaves a kink like a square root */
+    bool has_root;           /* F leaves a kink like a square root */
     double *breaks, *pieces; /* in u, and 0, 1, 2 .. */
     struct integrate_panel *radius, *angle, *theta, *azimuth;
     /* Of the direction at hand: */
@@ -58,7 +58,7 @@ struct albedo {
     struct albedo_ray ray;
     /* Of the mean: */
     double azimuth_at, edge, tolerance; /* edge: theta_o at c_o = 0, or the horizon */
-    const double *size; /* what the tolerance is relative to; NULL: each albedo */
+    const double *size;                 /* what the tolerance is relative to; NULL: each albedo */
 };
 
 /* ---- One ray --------------------------------------------------------------------- */
@@ -71,11 +71,11 @@ struct batch {
 
 static facet_status evaluate(struct albedo *a, struct batch *k)
 {
-    facet_vec3_in wi = { k->ix, k->iy, k->iz }, wo = { k->ox, k->oy, k->oz }, m = { k->px, k->py, k->pz };
-    facet_outputs outputs = { .of = { [FACET_D] = { k->d } } };
+    facet_vec3_in wi = {k->ix, k->iy, k->iz}, wo = {k->ox, k->oy, k->oz}, m = {k->px, k->py, k->pz};
+    facet_outputs outputs = {.of = {[FACET_D] = {k->d}}};
     for (size_t c = 0; c < a->channels; c++) outputs.of[FACET_FR_COS][c] = k->fr_cos[c];
     facet_status status = facet_eval(a->brdf, FACET_PRECISE, wi, wo, POINTS, &outputs);
-    facet_outputs density = { .of = { [FACET_D] = { k->p } } };
+    facet_outputs density = {.of = {[FACET_D] = {k->p}}};
     if (!status) status = facet_eval(a->standard, FACET_PRECISE, m, m, POINTS, &density);
     if (!status && a->material.shear == FACET_THESIS) {
         double condition;
@@ -157,15 +157,16 @@ static size_t ray_breaks(const struct albedo *a, double low, double high)
 {
     double r[5], phi, *to = a->breaks;
     size_t count = 0, n = 0;
-#define KEEP(found)                                                             \
-    for (n = (found); n-- > 0;)                                                 \
+#define KEEP(found)                                                                                \
+    for (n = (found); n-- > 0;)                                                                    \
         if (r[n] > low && r[n] < high) to[count++] = r[n]
     for (size_t i = 0; i < a->kinks; i++) KEEP(facet_albedo_ray_cosine(&a->ray, a->kink[i], r));
     if (!is_central(&a->surface.roughness)) KEEP(facet_albedo_ray_edge(&a->ray, r));
     if (a->material.masking == FACET_VGROOVE) KEEP(facet_albedo_ray_vgroove(&a->ray, r));
 #undef KEEP
     double pole = facet_albedo_pole(&a->surface, &a->view, &phi);
-    if ((a->surface.is_rough || a->surface.is_careful) && pole > low && pole < high) to[count++] = pole;
+    if ((a->surface.is_rough || a->surface.is_careful) && pole > low && pole < high)
+        to[count++] = pole;
     to[count++] = low;
     to[count++] = high;
     qsort(to, count, sizeof *to, ascending);
@@ -180,7 +181,7 @@ static size_t ray_breaks(const struct albedo *a, double low, double high)
 static facet_status integrate_ray(struct albedo *a, double phi, struct integral *sum)
 {
     double low, high;
-    *sum = (struct integral){ { 0 }, { 0 } };
+    *sum = (struct integral){{0}, {0}};
     if (a->since_asked >= 4096) {
         a->since_asked = 0;
         if (a->watch.cancelled && a->watch.cancelled(a->watch.user)) return FACET_CANCELLED;
@@ -195,9 +196,13 @@ static facet_status integrate_ray(struct albedo *a, double phi, struct integral 
     high = fmin(high, end);
     if (!(high > low)) return FACET_OK;
     size_t count = ray_breaks(a, low, high);
-    struct integrate rule = { .fn = along_radius, .user = a, .values = a->channels,
-                              .relative = a->relative, .panel = a->radius,
-                              .panels = RADIUS_PANELS + count, .budget = &a->budget };
+    struct integrate rule = {.fn = along_radius,
+                             .user = a,
+                             .values = a->channels,
+                             .relative = a->relative,
+                             .panel = a->radius,
+                             .panels = RADIUS_PANELS + count,
+                             .budget = &a->budget};
     for (size_t c = 0; c < a->channels; c++) rule.absolute[c] = a->absolute[c];
     return facet_integrate(&rule, a->pieces, count, sum);
 }
@@ -218,9 +223,13 @@ static facet_status integrate_rays(struct albedo *a, const double target[3], dou
 {
     double phi[ALBEDO_AZIMUTHS_MAX];
     size_t count = facet_albedo_azimuths(&a->surface, &a->view, a->half, phi);
-    struct integrate rule = { .fn = around, .user = a, .values = a->channels,
-                              .relative = target ? 0 : relative, .panel = a->angle,
-                              .panels = ANGLE_PANELS, .budget = &a->budget };
+    struct integrate rule = {.fn = around,
+                             .user = a,
+                             .values = a->channels,
+                             .relative = target ? 0 : relative,
+                             .panel = a->angle,
+                             .panels = ANGLE_PANELS,
+                             .budget = &a->budget};
     a->relative = target ? 0 : INNER_SHARE * relative;
     for (size_t c = 0; c < a->channels; c++) {
         rule.absolute[c] = fmax(target ? target[c] : 0, FACET_FLOOR * 1e-3);
@@ -250,16 +259,17 @@ static bool is_blind(const struct albedo *a)
 static facet_status integrate_to_size(struct albedo *a, double tolerance, const double size[3],
                                       struct integral *sum)
 {
-    struct integral rough = { { 0 }, { 0 } };
+    struct integral rough = {{0}, {0}};
     facet_status status = FACET_OK;
     if (!size) status = integrate_rays(a, NULL, ROUGH, &rough);
     for (int round = 0; round < 3 && !status; round++) {
         bool fits = true; /* was the size right that the rays went by? */
-        double target[3] = { 0 };
+        double target[3] = {0};
         for (size_t c = 0; c < a->channels; c++)
             target[c] = 0.5 * tolerance * (size ? size[c] : rough.value[c]);
         status = integrate_rays(a, target, 0, sum);
-        for (size_t c = 0; c < a->channels; c++) fits = fits && sum->value[c] >= 0.6 * rough.value[c];
+        for (size_t c = 0; c < a->channels; c++)
+            fits = fits && sum->value[c] >= 0.6 * rough.value[c];
         rough = *sum;
         if (size || fits) break;
     }
@@ -270,8 +280,8 @@ static facet_status integrate_direction(struct albedo *a, double x, double y, do
                                         double tolerance, const double size[3],
                                         facet_albedo_value *out)
 {
-    struct integral sum = { { 0 }, { 0 } };
-    *out = (facet_albedo_value){ { 0 }, { 0 } };
+    struct integral sum = {{0}, {0}};
+    *out = (facet_albedo_value){{0}, {0}};
     if (!(z > 0)) return FACET_OK;
     a->view = facet_albedo_view_of(&a->surface, x, y, z);
     a->condition = 1;
@@ -312,7 +322,8 @@ static facet_status along_theta(void *user, const double at[POINTS], struct inte
         facet_albedo_value one;
         double dtheta_dt, theta = theta_of(a->edge, at[i], &dtheta_dt);
         double mu = cos(theta), sine = sin(theta), weight = 2 * mu * sine * dtheta_dt;
-        facet_status status = integrate_direction(a, x * sine, y * sine, mu, 0.5 * a->tolerance, a->size, &one);
+        facet_status status = integrate_direction(a, x * sine, y * sine, mu, 0.5 * a->tolerance,
+                                                  a->size, &one);
         if (status) return status;
         for (size_t c = 0; c < a->channels; c++) {
             of[i].value[c] = weight * one.value[c];
@@ -326,11 +337,17 @@ static facet_status along_theta(void *user, const double at[POINTS], struct inte
 static struct integrate mean_rule(struct albedo *a, integrand_fn *fn, double share,
                                   struct integrate_panel *panel)
 {
-    struct integrate rule = { .fn = fn, .user = a, .values = a->channels, .panel = panel,
-                              .relative = a->size ? 0 : share * a->tolerance,
-                              .panels = OUTER_PANELS, .budget = &a->budget, .is_smooth = true };
+    struct integrate rule = {.fn = fn,
+                             .user = a,
+                             .values = a->channels,
+                             .panel = panel,
+                             .relative = a->size ? 0 : share * a->tolerance,
+                             .panels = OUTER_PANELS,
+                             .budget = &a->budget,
+                             .is_smooth = true};
     for (size_t c = 0; c < a->channels; c++)
-        rule.absolute[c] = fmax(a->size ? share * a->tolerance * a->size[c] : 0, FACET_FLOOR * 1e-3);
+        rule.absolute[c] = fmax(a->size ? share * a->tolerance * a->size[c] : 0,
+                                FACET_FLOOR * 1e-3);
     return rule;
 }
 
@@ -339,7 +356,7 @@ static facet_status over_theta(struct albedo *a, struct integral *sum)
 {
     const facet_roughness *r = &a->surface.roughness;
     double lean = r->slope_x * cos(a->azimuth_at) + r->slope_y * sin(a->azimuth_at);
-    const double ends[] = { 0, 1, 2 };
+    const double ends[] = {0, 1, 2};
     struct integrate rule = mean_rule(a, along_theta, 0.75, a->theta);
     a->edge = lean > 0 ? atan2(1, lean) : FACET_PI / 2;
     return facet_integrate(&rule, ends, lean > 0 ? 3 : 2, sum);
@@ -368,9 +385,13 @@ static facet_status integrate_mean(struct albedo *a, double tolerance, const dou
      * The axes of a central surface are its mirrors, and the mean slope that of an isotropic one; a lean
      * ends across the mean slope; a table over the azimuth is the same on both sides.
      */
-    size_t quarters = a->turned ? 2 : is_central(r) ? 1 : r->alpha_x == r->alpha_y && r->rho == 0 ? 2 : 4;
+    size_t quarters = a->turned                                 ? 2
+                      : is_central(r)                           ? 1
+                      : r->alpha_x == r->alpha_y && r->rho == 0 ? 2
+                                                                : 4;
     double turn = (double)quarters * FACET_PI / 2, breaks[5];
-    double axis = is_central(r) ? -facet_roughness_to_ellipse(r).phi : atan2(r->slope_y, r->slope_x);
+    double axis = is_central(r) ? -facet_roughness_to_ellipse(r).phi
+                                : atan2(r->slope_y, r->slope_x);
     for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * FACET_PI / 2;
     struct integrate rule = mean_rule(a, around_azimuth, turn, a->azimuth);
     facet_status status = facet_integrate(&rule, breaks, quarters + 1, sum);
@@ -417,19 +438,27 @@ static void close_albedo(struct albedo *a)
     free(a);
 }
 
-static facet_status set_up(struct albedo *a, const facet_material *m, const facet_albedo_options *options)
+static facet_status set_up(struct albedo *a, const facet_material *m,
+                           const facet_albedo_options *options)
 {
     const facet_roughness *r = &m->roughness;
-    facet_material standard = { .ndf = m->ndf, .roughness = { .alpha_x = 1, .alpha_y = 1 },
-                                .fresnel = { .channels = 1 }, .table = m->table };
+    facet_material standard = {.ndf = m->ndf,
+                               .roughness = {.alpha_x = 1, .alpha_y = 1},
+                               .fresnel = {.channels = 1},
+                               .table = m->table};
     facet_status status = facet_brdf_create(m, &a->brdf);
     if (!status) status = facet_brdf_create(&standard, &a->standard);
     if (status) return status;
     const struct roughness_form form = facet_roughness_form(r);
     a->material = *m;
     facet_ellipse e = facet_roughness_to_ellipse(r);
-    a->surface = (struct albedo_surface){ *r, form.conditional.hi, form.correlated.hi, e.alpha_1,
-                                          e.alpha_1 > 1, e.alpha_1 > 4 * e.alpha_2, options->tolerance < 1e-5 };
+    a->surface = (struct albedo_surface){*r,
+                                         form.conditional.hi,
+                                         form.correlated.hi,
+                                         e.alpha_1,
+                                         e.alpha_1 > 1,
+                                         e.alpha_1 > 4 * e.alpha_2,
+                                         options->tolerance < 1e-5};
     a->det = r->alpha_x * form.conditional.hi;
     a->scale = m->ndf == FACET_TABULATED ? m->table->view.slope_scale : 1;
     a->channels = m->fresnel.channels;
@@ -480,12 +509,13 @@ facet_status facet_albedo(const facet_material *material, facet_vec3_in wo, size
     return status;
 }
 
-facet_status facet_albedo_average(const facet_material *material, const facet_albedo_options *options,
-                                  facet_albedo_value *average, size_t *evaluations)
+facet_status facet_albedo_average(const facet_material *material,
+                                  const facet_albedo_options *options, facet_albedo_value *average,
+                                  size_t *evaluations)
 {
     struct albedo *a;
     struct integral sum;
-    *average = (facet_albedo_value){ { 0 }, { 0 } };
+    *average = (facet_albedo_value){{0}, {0}};
     facet_status status = open_albedo(material, options, &a);
     if (status) return status;
     a->budget = options->evaluations_max;

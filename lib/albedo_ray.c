@@ -3,23 +3,26 @@
 #include <math.h>
 
 /* c by its own rounding only: next to c = 0 the shear's terms cancel. */
-struct albedo_view facet_albedo_view_of(const struct albedo_surface *s, double x, double y, double z)
+struct albedo_view facet_albedo_view_of(const struct albedo_surface *s, double x, double y,
+                                        double z)
 {
     const facet_roughness *r = &s->roughness;
     long double lean = (long double)r->slope_x * x + (long double)r->slope_y * y;
     return (struct albedo_view){
-        .x = x, .y = y, .z = z,
+        .x = x,
+        .y = y,
+        .z = z,
         .a = (double)((long double)r->alpha_x * x + (long double)s->rho_alpha_y * y),
         .b = s->kappa_alpha_y * y,
         .c = (double)(z - lean),
     };
 }
 
-struct albedo_ray facet_albedo_ray_of(const struct albedo_surface *s, const struct albedo_view *view,
-                                double phi)
+struct albedo_ray facet_albedo_ray_of(const struct albedo_surface *s,
+                                      const struct albedo_view *view, double phi)
 {
     const facet_roughness *r = &s->roughness;
-    struct albedo_ray ray = { .cosine = cos(phi), .sine = sin(phi), .c = view->c };
+    struct albedo_ray ray = {.cosine = cos(phi), .sine = sin(phi), .c = view->c};
     ray.dx = r->alpha_x * ray.cosine;
     ray.dy = s->rho_alpha_y * ray.cosine + s->kappa_alpha_y * ray.sine;
     ray.g = view->a * ray.cosine + view->b * ray.sine;
@@ -57,7 +60,7 @@ static double cubic_at(const double k[4], double r)
 static size_t cubic(const double k[4], double r[3])
 {
     enum { STEPS = 100 };
-    double ends[4] = { 0 }, extrema[2];
+    double ends[4] = {0}, extrema[2];
     size_t count = 1, found = 0, n = quadratic(k[1], 2 * k[2], 3 * k[3], extrema);
     for (size_t i = 0; i < n; i++)
         if (extrema[i] > 0) ends[count++] = extrema[i];
@@ -66,7 +69,8 @@ static size_t cubic(const double k[4], double r[3])
         double low = ends[i], high = ends[i + 1];
         if (cubic_at(k, low) * cubic_at(k, high) > 0) continue;
         for (int step = 0; step < STEPS; step++) {
-            double middle = high > 4 * low ? fmax(sqrt(low) * sqrt(high), high / 1024) : 0.5 * (low + high);
+            double middle = high > 4 * low ? fmax(sqrt(low) * sqrt(high), high / 1024)
+                                           : 0.5 * (low + high);
             if (cubic_at(k, low) * cubic_at(k, middle) > 0)
                 low = middle;
             else
@@ -78,7 +82,7 @@ static size_t cubic(const double k[4], double r[3])
 }
 
 bool facet_albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view, double *low,
-                    double *high)
+                          double *high)
 {
     double r[2], k0 = 2 * ray->c - view->z * ray->n[0], z = view->z;
     if (quadratic(k0, -2 * ray->g - z * ray->n[1], -z * ray->n[2], r) < 2) return false;
@@ -101,12 +105,12 @@ size_t facet_albedo_ray_edge(const struct albedo_ray *ray, double r[2])
 }
 
 /* cos theta_d - g = z_o sqrt(N), g^2 = n^2 - 1 + cos^2 theta_d: z^2 N - 2 z q + 1 - n^2 = 0. */
-size_t facet_albedo_ray_refracted(const struct albedo_ray *ray, const struct albedo_view *view, double excess,
-                                  double r[2])
+size_t facet_albedo_ray_refracted(const struct albedo_ray *ray, const struct albedo_view *view,
+                                  double excess, double r[2])
 {
     double z = view->z;
-    return quadratic(z * z * ray->n[0] - 2 * z * ray->c - excess, z * z * ray->n[1] + 2 * z * ray->g,
-                     z * z * ray->n[2], r);
+    return quadratic(z * z * ray->n[0] - 2 * z * ray->c - excess,
+                     z * z * ray->n[1] + 2 * z * ray->g, z * z * ray->n[2], r);
 }
 
 /* min(1, 2 c_i/q, 2 c_o/q): 2 c_o = q, c_i = c_o, 2 c_i = q. */
@@ -117,12 +121,13 @@ size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5])
     if (g != 0) r[count++] = -c / g;
     double bottom = g * lean + c * ray->n[2];
     if (bottom != 0) r[count++] = -(c * lean + g * ray->n[0]) / bottom;
-    double k[4] = { c * ray->n[0], -2 * c * lean - 3 * g * ray->n[0],
-                    -2 * g * lean - 3 * c * ray->n[2], g * ray->n[2] };
+    double k[4] = {c * ray->n[0], -2 * c * lean - 3 * g * ray->n[0],
+                   -2 * g * lean - 3 * c * ray->n[2], g * ray->n[2]};
     return count + cubic(k, r + count);
 }
 
-double facet_albedo_pole(const struct albedo_surface *s, const struct albedo_view *view, double *phi)
+double facet_albedo_pole(const struct albedo_surface *s, const struct albedo_view *view,
+                         double *phi)
 {
     const facet_roughness *m = &s->roughness;
     double scale = -1 / (1 + view->z);
@@ -139,7 +144,8 @@ double facet_albedo_pole(const struct albedo_surface *s, const struct albedo_vie
 static size_t tangents(const struct albedo_surface *s, const struct albedo_view *v, double phi[2])
 {
     const facet_roughness *r = &s->roughness;
-    double n0 = 1 + r->slope_x * r->slope_x + r->slope_y * r->slope_y, k = v->z * (2 * v->c - v->z * n0);
+    double n0 = 1 + r->slope_x * r->slope_x + r->slope_y * r->slope_y,
+           k = v->z * (2 * v->c - v->z * n0);
     if (k > 0) return 0;
     double p = v->a + v->z * (r->slope_x * r->alpha_x + r->slope_y * s->rho_alpha_y);
     double q = v->b + v->z * r->slope_y * s->kappa_alpha_y;
@@ -166,7 +172,8 @@ static void insert(double *phi, size_t *count, double first, double turn, double
  * Where grazing light comes in sideways, the far end of the ray passes from about z/side to
  * 1/(z alpha^2) within an angle of z/side times what the slope is worth: graded panels on both sides.
  */
-static void grade(double *phi, size_t *count, double plane, double turn, double across, double least)
+static void grade(double *phi, size_t *count, double plane, double turn, double across,
+                  double least)
 {
     enum { STEPS = 10 };
     double width = fmax(least, 1e-9);
@@ -178,10 +185,11 @@ static void grade(double *phi, size_t *count, double plane, double turn, double 
 }
 
 size_t facet_albedo_azimuths(const struct albedo_surface *s, const struct albedo_view *v, bool half,
-                       double phi[ALBEDO_AZIMUTHS_MAX])
+                             double phi[ALBEDO_AZIMUTHS_MAX])
 {
     const facet_roughness *r = &s->roughness;
-    double plane = v->a != 0 || v->b != 0 ? atan2(v->b, v->a) : 0, turn = half ? FACET_PI : 2 * FACET_PI;
+    double plane = v->a != 0 || v->b != 0 ? atan2(v->b, v->a) : 0,
+           turn = half ? FACET_PI : 2 * FACET_PI;
     double x = r->alpha_x, y = s->rho_alpha_y, k = s->kappa_alpha_y, pole, touch[2];
     double axis = 0.5 * atan2(2 * y * k, x * x + y * y - k * k), side = hypot(v->a, v->b);
     /* 2 g + z n1 = 0: the end of the ray neither near nor far */
@@ -190,7 +198,8 @@ size_t facet_albedo_azimuths(const struct albedo_surface *s, const struct albedo
     size_t count = 0;
     for (int i = 0; i < 2; i++) insert(phi, &count, plane, turn, plane + i * FACET_PI);
     for (int i = -1; i <= 1; i += 2)
-        grade(phi, &count, plane, turn, level + i * FACET_PI / 2, v->z * fmin(1, s->alpha_1) / side);
+        grade(phi, &count, plane, turn, level + i * FACET_PI / 2,
+              v->z * fmin(1, s->alpha_1) / side);
     if (!half) {
         facet_albedo_pole(s, v, &pole);
         if (s->is_rough || s->is_careful) insert(phi, &count, plane, turn, pole);

@@ -22,8 +22,8 @@ struct albedo_view {
 struct albedo_surface {
     facet_roughness roughness;
     double kappa_alpha_y, rho_alpha_y, alpha_1;
-    bool is_rough; /* wi near the pole is a cusp of the masking: its width is 1/alpha_1 */
-    bool is_thin;  /* the horizon is a long ellipse in standard slopes */
+    bool is_rough;   /* wi near the pole is a cusp of the masking: its width is 1/alpha_1 */
+    bool is_thin;    /* the horizon is a long ellipse in standard slopes */
     bool is_careful; /* break at every feature there may be, however small */
 };
 
@@ -32,21 +32,22 @@ struct albedo_ray {
     double cosine, sine, dx, dy, c, g, n[3];
 };
 
-struct albedo_view facet_albedo_view_of(const struct albedo_surface *surface, double x, double y, double z);
-struct albedo_ray facet_albedo_ray_of(const struct albedo_surface *surface, const struct albedo_view *view,
-                                double phi);
+struct albedo_view facet_albedo_view_of(const struct albedo_surface *surface, double x, double y,
+                                        double z);
+struct albedo_ray facet_albedo_ray_of(const struct albedo_surface *surface,
+                                      const struct albedo_view *view, double phi);
 
 /* The part of the ray whose wi lies above the horizon; false: none. */
 bool facet_albedo_ray_lit(const struct albedo_ray *ray, const struct albedo_view *view, double *low,
-                    double *high);
+                          double *high);
 
 /* Where theta_d has this cosine: at most 2 radii; returns how many (some may be negative). */
 size_t facet_albedo_ray_cosine(const struct albedo_ray *ray, double cosine_squared, double r[2]);
 /* Where wi stands on the edge of the mean facet, c_i = 0: at most 2. */
 size_t facet_albedo_ray_edge(const struct albedo_ray *ray, double r[2]);
 /* Where the ray refracted into an index n < 1 times wo's grazes the horizon, excess = n^2 - 1: at most 2. */
-size_t facet_albedo_ray_refracted(const struct albedo_ray *ray, const struct albedo_view *view, double excess,
-                                  double r[2]);
+size_t facet_albedo_ray_refracted(const struct albedo_ray *ray, const struct albedo_view *view,
+                                  double excess, double r[2]);
 /* Where the minimum of the V-cavities' G changes over: at most 5. */
 size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5]);
 
@@ -57,8 +58,9 @@ size_t facet_albedo_ray_vgroove(const struct albedo_ray *ray, double r[5]);
  */
 enum { ALBEDO_AZIMUTHS_MAX = 96 };
 size_t facet_albedo_azimuths(const struct albedo_surface *surface, const struct albedo_view *view,
-                       bool half, double phi[ALBEDO_AZIMUTHS_MAX]);
+                             bool half, double phi[ALBEDO_AZIMUTHS_MAX]);
 /* The standard slope of the h that reflects wo to the pole. */
-double facet_albedo_pole(const struct albedo_surface *surface, const struct albedo_view *view, double *phi);
+double facet_albedo_pole(const struct albedo_surface *surface, const struct albedo_view *view,
+                         double *phi);
 
 #endif

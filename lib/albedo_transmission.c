@@ -43,7 +43,8 @@ struct walk {
 struct points {
     double up[3][POINTS]; /* -wi */
     double normal[3][POINTS], density[POINTS], sigma[POINTS], cosine[POINTS], kept[POINTS];
-    double c[POINTS], g[POINTS], share[POINTS], factor[POINTS]; /* of T, T, and what else there is */
+    double c[POINTS], g[POINTS], share[POINTS],
+        factor[POINTS]; /* of T, T, and what else there is */
 };
 
 /* u at t, piece j over [j, j + 1], by a step that is flat at its ends: T leaves the critical angle like a root. */
@@ -61,8 +62,10 @@ static void place(const struct walk *w, double t, struct points *p, int i)
 {
     const facet_roughness *m = &w->surface.roughness;
     double dr_dt, r = slope_of(w, t, &dr_dt), n = w->side->index;
-    double x = m->slope_x + w->ray.dx * r, y = m->slope_y + w->ray.dy * r, length = sqrt(1 + x * x + y * y);
-    double q = w->ray.c - w->ray.g * r, c = q / length, g2 = w->side->excess + c * c, g = sqrt(fmax(g2, 0));
+    double x = m->slope_x + w->ray.dx * r, y = m->slope_y + w->ray.dy * r,
+           length = sqrt(1 + x * x + y * y);
+    double q = w->ray.c - w->ray.g * r, c = q / length, g2 = w->side->excess + c * c,
+           g = sqrt(fmax(g2, 0));
     double bend = w->side->excess / (g + fmax(c, DBL_MIN)) / length;
     p->up[0][i] = (w->view.x - bend * x) / n;
     p->up[1][i] = (w->view.y - bend * y) / n;
@@ -84,20 +87,24 @@ static facet_status along_radius(void *user, const double at[POINTS], struct int
     struct walk *w = user;
     struct points p;
     for (int i = 0; i < POINTS; i++) place(w, at[i], &p, i);
-    facet_vec3_in up = { p.up[0], p.up[1], p.up[2] }, normal = { p.normal[0], p.normal[1], p.normal[2] };
-    const facet_outputs sigma = { .of = { [FACET_SIGMA_O] = { p.sigma } } }, density = { .of = { [FACET_D] = { p.density } } };
+    facet_vec3_in up = {p.up[0], p.up[1], p.up[2]},
+                  normal = {p.normal[0], p.normal[1], p.normal[2]};
+    const facet_outputs sigma = {.of = {[FACET_SIGMA_O] = {p.sigma}}},
+                        density = {.of = {[FACET_D] = {p.density}}};
     facet_status status = facet_eval(w->bsdf->ideal, FACET_PRECISE, up, up, POINTS, &sigma);
     if (!status) status = facet_eval(w->standard, FACET_PRECISE, normal, normal, POINTS, &density);
     w->budget -= w->budget < POINTS ? w->budget : POINTS;
     w->spent += POINTS;
     w->since_asked += POINTS;
     for (int i = 0; i < POINTS; i++)
-        p.cosine[i] = facet_mean_cosine(&w->bsdf->ideal->surface, p.up[0][i], p.up[1][i], p.up[2][i]);
+        p.cosine[i] = facet_mean_cosine(&w->bsdf->ideal->surface, p.up[0][i], p.up[1][i],
+                                        p.up[2][i]);
     facet_transmittance(w->side->index, p.c, p.g, POINTS, p.share);
     facet_transmission_masking(w->bsdf, w->sigma_o, w->cosine_o, p.sigma, p.cosine, POINTS, p.kept);
     for (int i = 0; i < POINTS; i++) {
         double r = -2 * p.normal[0][i], sec2 = 1 + r * r;
-        double value = p.factor[i] * p.share[i] * p.kept[i] * (p.density[i] / (sec2 * sec2)) / w->sigma_o;
+        double value = p.factor[i] * p.share[i] * p.kept[i] * (p.density[i] / (sec2 * sec2)) /
+                       w->sigma_o;
         of[i].value[0] = isfinite(value) ? value : 0;
         of[i].error[0] = isfinite(value) ? 0 : INFINITY;
     }
@@ -136,16 +143,22 @@ static size_t find_breaks(struct walk *w)
 
 static facet_status integrate_ray(struct walk *w, double phi, struct integral *sum)
 {
-    static const double pieces[BREAKS] = { 0, 1, 2, 3, 4, 5 };
-    *sum = (struct integral){ { 0 }, { 0 } };
+    static const double pieces[BREAKS] = {0, 1, 2, 3, 4, 5};
+    *sum = (struct integral){{0}, {0}};
     if (w->since_asked >= 4096) {
         w->since_asked = 0;
         if (w->watch.cancelled && w->watch.cancelled(w->watch.user)) return FACET_CANCELLED;
     }
     w->ray = facet_albedo_ray_of(&w->surface, &w->view, phi);
     size_t count = find_breaks(w);
-    struct integrate rule = { .fn = along_radius, .user = w, .values = 1, .absolute = { w->absolute },
-                              .relative = w->relative, .panel = w->radius, .panels = PANELS, .budget = &w->budget };
+    struct integrate rule = {.fn = along_radius,
+                             .user = w,
+                             .values = 1,
+                             .absolute = {w->absolute},
+                             .relative = w->relative,
+                             .panel = w->radius,
+                             .panels = PANELS,
+                             .budget = &w->budget};
     return count ? facet_integrate(&rule, pieces, count, sum) : FACET_OK;
 }
 
@@ -161,23 +174,29 @@ static facet_status integrate_rays(struct walk *w, double absolute, struct integ
 {
     double phi[ALBEDO_AZIMUTHS_MAX];
     size_t count = facet_albedo_azimuths(&w->surface, &w->view, w->half, phi);
-    struct integrate rule = { .fn = around, .user = w, .values = 1, .absolute = { fmax(absolute, FACET_FLOOR * 1e-3) },
-                              .relative = absolute > 0 ? 0 : ROUGH, .panel = w->angle, .panels = PANELS,
-                              .budget = &w->budget };
+    struct integrate rule = {.fn = around,
+                             .user = w,
+                             .values = 1,
+                             .absolute = {fmax(absolute, FACET_FLOOR * 1e-3)},
+                             .relative = absolute > 0 ? 0 : ROUGH,
+                             .panel = w->angle,
+                             .panels = PANELS,
+                             .budget = &w->budget};
     w->relative = absolute > 0 ? 0 : INNER_SHARE * ROUGH;
     w->absolute = INNER_SHARE * rule.absolute[0] / (phi[count - 1] - phi[0]);
     return facet_integrate(&rule, phi, count, sum);
 }
 
-static facet_status integrate_direction(struct walk *w, const double wo[3], double tolerance, facet_albedo_value *out)
+static facet_status integrate_direction(struct walk *w, const double wo[3], double tolerance,
+                                        facet_albedo_value *out)
 {
-    struct integral rough, fine = { { 0 }, { 0 } };
+    struct integral rough, fine = {{0}, {0}};
     const int side = facet_side(wo[2]);
-    const double turn = side == BELOW ? -1 : 1, up[3] = { turn * wo[0], turn * wo[1], turn * wo[2] };
-    const facet_outputs area = { .of = { [FACET_SIGMA_O] = { &w->sigma_o } } };
-    facet_vec3_in from = { &up[0], &up[1], &up[2] };
+    const double turn = side == BELOW ? -1 : 1, up[3] = {turn * wo[0], turn * wo[1], turn * wo[2]};
+    const facet_outputs area = {.of = {[FACET_SIGMA_O] = {&w->sigma_o}}};
+    facet_vec3_in from = {&up[0], &up[1], &up[2]};
     double bound;
-    *out = (facet_albedo_value){ { 0 }, { 0 } };
+    *out = (facet_albedo_value){{0}, {0}};
     if (!(up[2] > 0)) return FACET_OK;
     w->side = &w->bsdf->side[side];
     w->view = facet_albedo_view_of(&w->surface, up[0], up[1], up[2]);
@@ -189,22 +208,30 @@ static facet_status integrate_direction(struct walk *w, const double wo[3], doub
     double scale = (w->half ? 2 : 1) * w->side->scale;
     out->value[0] = scale * fine.value[0];
     /* The rules' differences are no proof: nothing far below what was aimed at is claimed. */
-    out->error[0] = scale * fmax(fine.error[0] + fine.value[0] * bound, 0.1 * tolerance * fine.value[0]);
+    out->error[0] = scale *
+                    fmax(fine.error[0] + fine.value[0] * bound, 0.1 * tolerance * fine.value[0]);
     return status;
 }
 
-static facet_status open_walk(const facet_bsdf *b, const facet_albedo_options *options, struct walk **walk)
+static facet_status open_walk(const facet_bsdf *b, const facet_albedo_options *options,
+                              struct walk **walk)
 {
     const facet_roughness *r = &b->ideal->material.roughness;
-    facet_material standard = { .ndf = b->ndf, .roughness = { .alpha_x = 1, .alpha_y = 1 }, .fresnel = { .channels = 1 } };
+    facet_material standard = {
+        .ndf = b->ndf, .roughness = {.alpha_x = 1, .alpha_y = 1}, .fresnel = {.channels = 1}};
     struct walk *w = calloc(1, sizeof *w);
     *walk = w;
     if (!w) return FACET_NO_MEMORY;
     facet_ellipse e = facet_roughness_to_ellipse(r);
     w->bsdf = b;
     w->watch = options->watch;
-    w->surface = (struct albedo_surface){ *r, b->ideal->surface.kappa_alpha_y, b->ideal->surface.rho_alpha_y, e.alpha_1,
-                                          e.alpha_1 > 1, e.alpha_1 > 4 * e.alpha_2, options->tolerance < 1e-5 };
+    w->surface = (struct albedo_surface){*r,
+                                         b->ideal->surface.kappa_alpha_y,
+                                         b->ideal->surface.rho_alpha_y,
+                                         e.alpha_1,
+                                         e.alpha_1 > 1,
+                                         e.alpha_1 > 4 * e.alpha_2,
+                                         options->tolerance < 1e-5};
     w->half = b->ideal->shape == KERNEL_ISO;
     return facet_brdf_create(&standard, &w->standard);
 }
@@ -215,13 +242,14 @@ static void close_walk(struct walk *w)
     free(w);
 }
 
-static facet_status transmit(const facet_bsdf *b, facet_vec3_in wo, size_t n, const facet_albedo_options *options,
-                             facet_albedo_value *transmitted, size_t *evaluations)
+static facet_status transmit(const facet_bsdf *b, facet_vec3_in wo, size_t n,
+                             const facet_albedo_options *options, facet_albedo_value *transmitted,
+                             size_t *evaluations)
 {
     struct walk *w;
     facet_status status = open_walk(b, options, &w);
     for (size_t i = 0; i < n && !status; i++) {
-        const double from[3] = { wo.x[i], wo.y[i], wo.z[i] };
+        const double from[3] = {wo.x[i], wo.y[i], wo.z[i]};
         w->budget = options->evaluations_max;
         status = integrate_direction(w, from, options->tolerance, &transmitted[i]);
     }
@@ -230,16 +258,18 @@ static facet_status transmit(const facet_bsdf *b, facet_vec3_in wo, size_t n, co
     return status;
 }
 
-facet_status facet_bsdf_albedo(const facet_bsdf *b, facet_vec3_in wo, size_t n, const facet_albedo_options *options,
-                               facet_albedo_value *reflected, facet_albedo_value *transmitted, size_t *evaluations)
+facet_status facet_bsdf_albedo(const facet_bsdf *b, facet_vec3_in wo, size_t n,
+                               const facet_albedo_options *options, facet_albedo_value *reflected,
+                               facet_albedo_value *transmitted, size_t *evaluations)
 {
     size_t spent = 0, own = 0;
     if (!(options->tolerance >= 1e-15 && options->tolerance <= 0.1)) return FACET_UNSUPPORTED;
     facet_status status = transmit(b, wo, n, options, transmitted, &spent);
     for (size_t i = 0; i < n && !status; i++) {
         const int side = facet_side(wo.z[i]);
-        const double turn = side == BELOW ? -1 : 1, up[3] = { turn * wo.x[i], turn * wo.y[i], turn * wo.z[i] };
-        facet_vec3_in from = { &up[0], &up[1], &up[2] };
+        const double turn = side == BELOW ? -1 : 1,
+                     up[3] = {turn * wo.x[i], turn * wo.y[i], turn * wo.z[i]};
+        facet_vec3_in from = {&up[0], &up[1], &up[2]};
         status = facet_albedo(&b->brdf[side]->material, from, 1, options, &reflected[i], &own);
         /* From below its index is 1/eta rounded, which moves the critical angle by as much. */
         reflected[i].error[0] += 16 * DBL_EPSILON * reflected[i].value[0];

@@ -22,18 +22,18 @@ static inline struct array facet_array_at(struct array a, size_t offset)
 {
     if (!a.data) return a;
     size_t size = a.io == KERNEL_FLOAT ? sizeof(float) : sizeof(double);
-    return (struct array){ (char *)a.data + offset * size, a.io };
+    return (struct array){(char *)a.data + offset * size, a.io};
 }
 
 /* The kernels only read what they are given to read. */
 static inline struct array facet_doubles(const double *v)
 {
-    return (struct array){ (void *)v, KERNEL_DOUBLE };
+    return (struct array){(void *)v, KERNEL_DOUBLE};
 }
 
 static inline struct array facet_floats(const float *v)
 {
-    return (struct array){ (void *)v, KERNEL_FLOAT };
+    return (struct array){(void *)v, KERNEL_FLOAT};
 }
 
 double facet_array_get(struct array array, size_t index);
@@ -53,7 +53,8 @@ struct batch {
  * The sampler a batch is to have: AUTO for one that draws visible normals with
  * their plain density.  UNSUPPORTED where it does not serve the material.
  */
-facet_status facet_batch_sampler(const facet_brdf *brdf, facet_sampler sampler, facet_sampler *density);
+facet_status facet_batch_sampler(const facet_brdf *brdf, facet_sampler sampler,
+                                 facet_sampler *density);
 
 /* Evaluates n elements (eval.c). */
 void facet_batch_run(const struct batch *batch, size_t n);
@@ -62,7 +63,8 @@ void facet_batch_run(const struct batch *batch, size_t n);
 facet_tier facet_batch_tier(const facet_brdf *brdf, facet_tier tier);
 
 /* The kernels that a tier has for callers of this type, and the type that they take. */
-const struct facet_kernels *facet_kernels_nearest(facet_tier tier, enum kernel_io caller, enum kernel_io *io);
+const struct facet_kernels *facet_kernels_nearest(facet_tier tier, enum kernel_io caller,
+                                                  enum kernel_io *io);
 
 /*
  * n <= BLOCK elements of one array converted to the kernels' type and padded to

@@ -11,7 +11,7 @@
 /* accuracy.def, by [tier][ndf][quantity] and [tier][kind]; NAN where nothing is promised. */
 static double base_bound(facet_tier tier, facet_ndf ndf, facet_quantity quantity)
 {
-#define PROMISE(t, n, q, bound)                                                 \
+#define PROMISE(t, n, q, bound)                                                                    \
     if (tier == FACET_##t && ndf == FACET_##n && quantity == FACET_##q) return bound;
 #define FRESNEL(t, kind, own, added)
 #define SAMPLER(t, n, pdf, added)
@@ -27,7 +27,7 @@ static double base_fresnel_bound(facet_tier tier, facet_fresnel_kind kind, bool 
 {
 #define PROMISE(t, n, q, bound)
 #define SAMPLER(t, n, pdf, added)
-#define FRESNEL(t, k, own, added)                                               \
+#define FRESNEL(t, k, own, added)                                                                  \
     if (tier == FACET_##t && kind == FACET_FRESNEL_##k) return alone ? own : added;
 #include "accuracy.def"
 #undef PROMISE
@@ -41,7 +41,7 @@ static double base_sampler_bound(facet_tier tier, facet_sampler sampler, bool de
 {
 #define PROMISE(t, n, q, bound)
 #define FRESNEL(t, k, own, added)
-#define SAMPLER(t, s, pdf, added)                                               \
+#define SAMPLER(t, s, pdf, added)                                                                  \
     if (tier == FACET_##t && sampler == FACET_SAMPLER_##s) return density ? pdf : added;
 #include "accuracy.def"
 #undef PROMISE
@@ -95,7 +95,8 @@ static double form_condition(const facet_brdf *b)
  */
 static double exponent_error(const facet_brdf *b, facet_tier tier)
 {
-    if (b->material.ndf != FACET_BECKMANN || b->shape != KERNEL_SHEARED || tier != FACET_PRECISE) return 0;
+    if (b->material.ndf != FACET_BECKMANN || b->shape != KERNEL_SHEARED || tier != FACET_PRECISE)
+        return 0;
     double slope = form_condition(b);
     return 8 * rounding_of(tier) * slope * slope;
 }
@@ -113,7 +114,8 @@ static double input_condition(const facet_brdf *b)
 
 static bool is_turned(const facet_brdf *b)
 {
-    return b->material.ndf == FACET_TABULATED && facet_slope_table_is_turned(&b->material.table->view);
+    return b->material.ndf == FACET_TABULATED &&
+           facet_slope_table_is_turned(&b->material.table->view);
 }
 
 /*
@@ -149,7 +151,8 @@ static double schlick_steepness(double f0)
 static double schlick_condition(double f0)
 {
     double worst = 0;
-    for (double v = 1; v > 1e-9; v *= 0.97) worst = fmax(worst, (1 - v) * 5 / (fmax(f0, 1e-45) / pow(v, 4) + v));
+    for (double v = 1; v > 1e-9; v *= 0.97)
+        worst = fmax(worst, (1 - v) * 5 / (fmax(f0, 1e-45) / pow(v, 4) + v));
     return worst;
 }
 
@@ -157,14 +160,17 @@ static double schlick_condition(double f0)
  * What a Fresnel term's own constants make of an error in its angle: of c or
  * c^2, relative.  Below eta = 1, F leaves 1 like a square root.
  */
-static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresnel_kind kind, double angle,
-                                    double input_error)
+static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresnel_kind kind,
+                                    double angle, double input_error)
 {
     switch (kind) {
-    case FACET_FRESNEL_SCHLICK: return angle * schlick_condition(f->f0) + input_error * schlick_steepness(f->f0);
+    case FACET_FRESNEL_SCHLICK:
+        return angle * schlick_condition(f->f0) + input_error * schlick_steepness(f->f0);
     case FACET_FRESNEL_DIELECTRIC:
     case FACET_FRESNEL_CONDUCTOR:
-        return f->excess < 0 ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta * f->eta, f->k)) : 8 * input_error;
+        return f->excess < 0
+                   ? 8 * sqrt(angle + 4 * input_error) * (1 + 1 / fmax(f->eta * f->eta, f->k))
+                   : 8 * input_error;
     case FACET_FRESNEL_TABLE: return (angle + input_error) * table_steepness(f);
     default: return 0;
     }
@@ -173,7 +179,8 @@ static double fresnel_channel_bound(const struct kernel_fresnel *f, facet_fresne
 static double fresnel_bound(const facet_brdf *b, facet_tier tier, bool alone, double input_error)
 {
     /* Relative errors of c by tier. */
-    static const double cosine_error[FACET_TIER_COUNT] = { 2.4e-7, 1.8e-7, 4e-13, 4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING };
+    static const double cosine_error[FACET_TIER_COUNT] = {2.4e-7, 1.8e-7, 4e-13,
+                                                          4 * DOUBLE_ROUNDING * DOUBLE_ROUNDING};
     facet_fresnel_kind kind = b->material.fresnel.kind;
     bool takes_cosine = kind == FACET_FRESNEL_SCHLICK || kind == FACET_FRESNEL_TABLE;
     double angle = takes_cosine ? cosine_error[tier] : 2 * rounding_of(tier), worst = 0;
@@ -200,9 +207,11 @@ static double table_error(const facet_brdf *b, facet_quantity quantity)
     if (b->material.ndf != FACET_TABULATED) return 0;
     const facet_slope_table *table = b->material.table;
     if (is_turned(b)) /* rounding of u and the azimuth, where it is steep */
-        return 16 * DOUBLE_ROUNDING * table->turned_gain + (quantity == FACET_D ? 0 : 3 * table->sigma_error);
+        return 16 * DOUBLE_ROUNDING * table->turned_gain +
+               (quantity == FACET_D ? 0 : 3 * table->sigma_error);
     if (quantity == FACET_D) return 0;
-    bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
+    bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS ||
+                  quantity == FACET_SIGMA_O;
     return fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
 }
 
@@ -211,7 +220,8 @@ static double surface_bound(const facet_brdf *b, facet_tier tier, double base, d
     double gain = slope_gain(b);
     /* In precise what the map adds is in the rows. */
     double general = b->shape == KERNEL_ISO || tier == FACET_PRECISE ? 1 : 2;
-    return base * general + gain * form_rounding(tier) * form_condition(b) + exponent_error(b, tier) +
+    return base * general + gain * form_rounding(tier) * form_condition(b) +
+           exponent_error(b, tier) +
            (input_error > 0 ? gain * input_error * input_condition(b) : 0);
 }
 
@@ -220,17 +230,24 @@ static double second_sigma(const facet_brdf *b, facet_tier tier, facet_quantity 
 {
     bool two = b->masking == KERNEL_UNCORRELATED || b->masking == KERNEL_UNCORRELATED_THESIS;
     bool has = quantity == FACET_FR || quantity == FACET_FR_COS;
-    return two && has && tier == FACET_PRECISE && b->shape == KERNEL_SHEARED && b->material.ndf == FACET_BECKMANN ? 5e-16 : 0;
+    return two && has && tier == FACET_PRECISE && b->shape == KERNEL_SHEARED &&
+                   b->material.ndf == FACET_BECKMANN
+               ? 5e-16
+               : 0;
 }
 
 bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, double input_error,
                  double *bound)
 {
     *bound = INFINITY;
-    if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT) return false;
+    if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT)
+        return false;
     if (tier < FACET_EXACT32 && !float_domain(b, quantity)) return false;
     double base = base_bound(tier, b->material.ndf, quantity);
-    double value = quantity == FACET_F ? 0 : surface_bound(b, tier, base, input_error) + table_error(b, quantity) + second_sigma(b, tier, quantity);
+    double value = quantity == FACET_F
+                       ? 0
+                       : surface_bound(b, tier, base, input_error) + table_error(b, quantity) +
+                             second_sigma(b, tier, quantity);
     if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)
         value += fresnel_bound(b, tier, quantity == FACET_F, input_error);
     *bound = value;
@@ -243,8 +260,8 @@ static double rounded_to_float(facet_tier tier, double bound)
     return tier >= FACET_EXACT32 ? bound + FLOAT_ROUNDING * (1 + bound) : bound;
 }
 
-bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quantity, double input_error,
-                       double *bound)
+bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quantity,
+                       double input_error, double *bound)
 {
     if (!facet_bound(b, tier, quantity, input_error, bound)) return false;
     *bound = rounded_to_float(tier, *bound);
@@ -254,7 +271,7 @@ bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quan
 /* Of the roots and quotients of a tier. */
 static double arithmetic_of(facet_tier tier)
 {
-    static const double rounding[FACET_TIER_COUNT] = { 0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53 };
+    static const double rounding[FACET_TIER_COUNT] = {0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53};
     return rounding[tier];
 }
 
@@ -277,7 +294,8 @@ static double cap_bound_condition(const facet_brdf *b, facet_tier tier)
     return tight ? 4 * arithmetic_of(tier) * b->surface.cap_a2 : 0;
 }
 
-bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
+bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler,
+                     double input_error, double *bound)
 {
     facet_sampler density;
     *bound = INFINITY;
@@ -285,15 +303,19 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
     if (density == FACET_SAMPLER_AUTO) return facet_bound(b, tier, FACET_PDF, input_error, bound);
     facet_brdf twin;
     if (density == FACET_SAMPLER_TABLE)
-        return tier == FACET_PRECISE && facet_table_twin(b, &twin) && facet_bound(&twin, tier, FACET_PDF, input_error, bound);
-    if (!facet_bound(b, tier, density == FACET_SAMPLER_BOUNDED ? FACET_PDF : FACET_D, input_error, bound)) return false;
+        return tier == FACET_PRECISE && facet_table_twin(b, &twin) &&
+               facet_bound(&twin, tier, FACET_PDF, input_error, bound);
+    if (!facet_bound(b, tier, density == FACET_SAMPLER_BOUNDED ? FACET_PDF : FACET_D, input_error,
+                     bound))
+        return false;
     double condition = density == FACET_SAMPLER_BOUNDED ? cap_bound_condition(b, tier) : 0;
     if (density == FACET_SAMPLER_COSINE) *bound = input_error;
     *bound += base_sampler_bound(tier, density, true) + condition + 4 * input_error;
     return true;
 }
 
-bool facet_pdf_bound_float(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
+bool facet_pdf_bound_float(const facet_brdf *b, facet_tier tier, facet_sampler sampler,
+                           double input_error, double *bound)
 {
     if (!facet_pdf_bound(b, tier, sampler, input_error, bound)) return false;
     *bound = rounded_to_float(tier, *bound);
@@ -310,7 +332,8 @@ static double quantile_error(const facet_brdf *b, facet_sampler method)
     return 256 * DOUBLE_ROUNDING * b->material.table->quantile_gain * (1 + form_condition(b));
 }
 
-bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler, double input_error, double *bound)
+bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler,
+                        double input_error, double *bound)
 {
     *bound = INFINITY;
     double pdf, weight;
@@ -318,16 +341,20 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
     if (!facet_pdf_bound(b, tier, sampler, input_error, &pdf) ||
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
-    facet_sampler method = sampler == FACET_SAMPLER_AUTO ? facet_sampler_auto(b->material.ndf) : sampler;
+    facet_sampler method = sampler == FACET_SAMPLER_AUTO ? facet_sampler_auto(b->material.ndf)
+                                                         : sampler;
     facet_brdf twin;
     if (method == FACET_SAMPLER_TABLE && b->material.ndf != FACET_TABULATED) {
         /* The weight is fr cos over the density of the table. */
         if (!facet_table_twin(b, &twin)) return false;
-        *bound = base_sampler_bound(tier, method, false) + 8 * (pdf + weight) + quantile_error(&twin, method);
+        *bound = base_sampler_bound(tier, method, false) + 8 * (pdf + weight) +
+                 quantile_error(&twin, method);
         return true;
     }
     /* Its density divides by sigma as it is, not as it is tabulated. */
-    if (method == FACET_SAMPLER_TABLE && !facet_bound(b, tier, FACET_D, input_error, &pdf)) return false;
-    *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) + caps_stretch(b, tier) + quantile_error(b, method);
+    if (method == FACET_SAMPLER_TABLE && !facet_bound(b, tier, FACET_D, input_error, &pdf))
+        return false;
+    *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) +
+             caps_stretch(b, tier) + quantile_error(b, method);
     return true;
 }

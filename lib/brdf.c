@@ -33,7 +33,8 @@ static bool good_fresnel(const facet_fresnel *f)
         bool eta = within(f->eta[c], FACET_ETA_MIN, FACET_ETA_MAX);
         if (f->kind == FACET_FRESNEL_SCHLICK && !within(f->f0[c], 0, 1)) return false;
         if (f->kind == FACET_FRESNEL_DIELECTRIC && !eta) return false;
-        if (f->kind == FACET_FRESNEL_CONDUCTOR && !(eta && within(f->k[c], 0, FACET_K_MAX))) return false;
+        if (f->kind == FACET_FRESNEL_CONDUCTOR && !(eta && within(f->k[c], 0, FACET_K_MAX)))
+            return false;
     }
     return (unsigned)f->kind < FACET_FRESNEL_COUNT;
 }
@@ -49,7 +50,8 @@ static facet_status check(const facet_material *m)
     if (m->ndf == FACET_TABULATED && !m->table) return FACET_BAD_TABLE;
     /* From behind its mean facet a table over the azimuth is not told (facet_table.h). */
     bool turned = m->ndf == FACET_TABULATED && facet_slope_table_is_turned(&m->table->view);
-    if (turned && (m->roughness.slope_x != 0 || m->roughness.slope_y != 0)) return FACET_UNSUPPORTED;
+    if (turned && (m->roughness.slope_x != 0 || m->roughness.slope_y != 0))
+        return FACET_UNSUPPORTED;
     bool smith = m->masking == FACET_SMITH || m->masking == FACET_SMITH_UNCORRELATED;
     return m->shear == FACET_THESIS && !smith ? FACET_UNSUPPORTED : FACET_OK;
 }
@@ -77,10 +79,12 @@ static struct kernel_surface prepare(const facet_material *m)
     const long double pi = 3.14159265358979323846264338327950288L;
     const struct roughness_form form = facet_roughness_form(r);
     struct pair correlated = form.correlated, conditional = form.conditional;
-    struct pair det = pair_product((struct pair){ form.alpha_x, 0 }, conditional);
+    struct pair det = pair_product((struct pair){form.alpha_x, 0}, conditional);
     /* Rounded once each. */
-    long double whole = (long double)det.hi + det.lo, scaled_y = (long double)conditional.hi + conditional.lo;
-    double tilt = (double)(r->rho * (r->alpha_y / scaled_y) / r->alpha_x), inverse_y = (double)(1 / scaled_y);
+    long double whole = (long double)det.hi + det.lo,
+                scaled_y = (long double)conditional.hi + conditional.lo;
+    double tilt = (double)(r->rho * (r->alpha_y / scaled_y) / r->alpha_x),
+           inverse_y = (double)(1 / scaled_y);
     return (struct kernel_surface){
         .alpha_x = form.alpha_x,
         .rho_alpha_y = correlated.hi,
@@ -116,9 +120,9 @@ static enum kernel_masking masking_of(const facet_material *m, enum kernel_shape
 
 double facet_mean_cosine(const struct kernel_surface *s, double x, double y, double z)
 {
-    struct pair lean_x = pair_product((struct pair){ x, 0 }, (struct pair){ -s->slope_x, 0 });
-    struct pair lean_y = pair_product((struct pair){ y, 0 }, (struct pair){ -s->slope_y, 0 });
-    return pair_add((struct pair){ z, 0 }, pair_add(lean_x, lean_y)).hi;
+    struct pair lean_x = pair_product((struct pair){x, 0}, (struct pair){-s->slope_x, 0});
+    struct pair lean_y = pair_product((struct pair){y, 0}, (struct pair){-s->slope_y, 0});
+    return pair_add((struct pair){z, 0}, pair_add(lean_x, lean_y)).hi;
 }
 
 /* The thesis's forms: their sigmas underflow, and no float tier has loops for them. */
@@ -136,8 +140,9 @@ static bool floats_hold(const facet_roughness *r)
 /* eta^2 - k^2 - 1 as an unevaluated sum: it cancels near vacuum. */
 static void set_excess(struct kernel_fresnel *f)
 {
-    struct pair eta = { f->eta, 0 }, k = { f->k, 0 }, ee = pair_product(eta, eta), kk = pair_product(k, k);
-    struct pair excess = pair_add(pair_add(ee, pair_negative(kk)), (struct pair){ -1, 0 });
+    struct pair eta = {f->eta, 0}, k = {f->k, 0}, ee = pair_product(eta, eta),
+                kk = pair_product(k, k);
+    struct pair excess = pair_add(pair_add(ee, pair_negative(kk)), (struct pair){-1, 0});
     f->excess = excess.hi;
     f->excess_low = excess.lo;
 }
@@ -149,7 +154,8 @@ static double least_fresnel(const struct kernel_fresnel *f, facet_fresnel_kind k
     switch (kind) {
     case FACET_FRESNEL_SCHLICK: return f->f0;
     case FACET_FRESNEL_DIELECTRIC:
-    case FACET_FRESNEL_CONDUCTOR: return (below * below + f->k * f->k) / (above * above + f->k * f->k);
+    case FACET_FRESNEL_CONDUCTOR:
+        return (below * below + f->k * f->k) / (above * above + f->k * f->k);
     default:
         for (size_t i = 0; i < f->count; i++) least = fmin(least, f->values[i]);
         return least;
@@ -164,8 +170,12 @@ static void copy_fresnel(facet_brdf *b, const facet_fresnel *f)
         double *values = b->tables + (c + 1) * n;
         if (n) memcpy(values, f->values[c], n * sizeof *values);
         bool conductor = f->kind == FACET_FRESNEL_CONDUCTOR;
-        b->fresnel[c] = (struct kernel_fresnel){ .f0 = f->f0[c], .eta = f->eta[c],
-                                                 .k = conductor ? f->k[c] : 0, .count = n, .cos_theta_d = b->tables, .values = values };
+        b->fresnel[c] = (struct kernel_fresnel){.f0 = f->f0[c],
+                                                .eta = f->eta[c],
+                                                .k = conductor ? f->k[c] : 0,
+                                                .count = n,
+                                                .cos_theta_d = b->tables,
+                                                .values = values};
         set_excess(&b->fresnel[c]);
         b->fresnel[c].least = least_fresnel(&b->fresnel[c], f->kind);
     }
@@ -176,7 +186,8 @@ facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
     *brdf = NULL;
     facet_status status = check(m);
     if (status) return status;
-    size_t n = m->fresnel.kind == FACET_FRESNEL_TABLE ? m->fresnel.count * (m->fresnel.channels + 1) : 0;
+    size_t n = m->fresnel.kind == FACET_FRESNEL_TABLE ? m->fresnel.count * (m->fresnel.channels + 1)
+                                                      : 0;
     facet_brdf *b = malloc(sizeof *b + n * sizeof *b->tables);
     if (!b) return FACET_NO_MEMORY;
     b->material = *m;

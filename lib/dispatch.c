@@ -9,36 +9,40 @@
 #include <string.h>
 
 /* FORM(tier, TIER, io, IO): what is compiled for each instruction set. */
-#define FORMS_OF_DOUBLES(FORM, isa)                                             \
-    FORM(draft, DRAFT, double, DOUBLE, isa)                                     \
-    FORM(fast, FAST, double, DOUBLE, isa)                                       \
-    FORM(exact32, EXACT32, double, DOUBLE, isa)                                 \
+#define FORMS_OF_DOUBLES(FORM, isa)                                                                \
+    FORM(draft, DRAFT, double, DOUBLE, isa)                                                        \
+    FORM(fast, FAST, double, DOUBLE, isa)                                                          \
+    FORM(exact32, EXACT32, double, DOUBLE, isa)                                                    \
     FORM(precise, PRECISE, double, DOUBLE, isa)
-#define FORMS(FORM, isa)                                                        \
-    FORM(draft, DRAFT, float, FLOAT, isa)                                       \
-    FORM(fast, FAST, float, FLOAT, isa)                                         \
-    FORM(exact32, EXACT32, float, FLOAT, isa)                                   \
+#define FORMS(FORM, isa)                                                                           \
+    FORM(draft, DRAFT, float, FLOAT, isa)                                                          \
+    FORM(fast, FAST, float, FLOAT, isa)                                                            \
+    FORM(exact32, EXACT32, float, FLOAT, isa)                                                      \
     FORMS_OF_DOUBLES(FORM, isa)
 
-#define DECLARE(tier, TIER, io, IO, isa)                                        \
-    extern const struct facet_kernels facet_kernels_##tier##_##io##_##isa;      \
+#define DECLARE(tier, TIER, io, IO, isa)                                                           \
+    extern const struct facet_kernels facet_kernels_##tier##_##io##_##isa;                         \
     extern const struct facet_samplers facet_samplers_##tier##_##io##_##isa;
-#define DECLARE_REFRACTIONS(tier, TIER, io, IO, isa)                            \
+#define DECLARE_REFRACTIONS(tier, TIER, io, IO, isa)                                               \
     extern const struct facet_refractions facet_refractions_##tier##_##io##_##isa;
 #define ISA(name) FORMS(DECLARE, name) FORMS_OF_DOUBLES(DECLARE_REFRACTIONS, name)
 FACET_ISAS
 #undef ISA
 
-#define KERNELS(tier, TIER, io, IO, isa) [FACET_##TIER][KERNEL_##IO] = &facet_kernels_##tier##_##io##_##isa,
-#define SAMPLERS(tier, TIER, io, IO, isa) [FACET_##TIER][KERNEL_##IO] = &facet_samplers_##tier##_##io##_##isa,
-#define REFRACTIONS(tier, TIER, io, IO, isa) [FACET_##TIER] = &facet_refractions_##tier##_##io##_##isa,
+#define KERNELS(tier, TIER, io, IO, isa)                                                           \
+    [FACET_##TIER][KERNEL_##IO] = &facet_kernels_##tier##_##io##_##isa,
+#define SAMPLERS(tier, TIER, io, IO, isa)                                                          \
+    [FACET_##TIER][KERNEL_##IO] = &facet_samplers_##tier##_##io##_##isa,
+#define REFRACTIONS(tier, TIER, io, IO, isa)                                                       \
+    [FACET_##TIER] = &facet_refractions_##tier##_##io##_##isa,
 static const struct isa {
     const char *name;
     const struct facet_kernels *kernels[FACET_TIER_COUNT][KERNEL_IO_COUNT];
     const struct facet_samplers *samplers[FACET_TIER_COUNT][KERNEL_IO_COUNT];
     const struct facet_refractions *refractions[FACET_TIER_COUNT];
 } isas[] = {
-#define ISA(name) { #name, { FORMS(KERNELS, name) }, { FORMS(SAMPLERS, name) }, { FORMS_OF_DOUBLES(REFRACTIONS, name) } },
+#define ISA(name)                                                                                  \
+    {#name, {FORMS(KERNELS, name)}, {FORMS(SAMPLERS, name)}, {FORMS_OF_DOUBLES(REFRACTIONS, name)}},
     FACET_ISAS
 #undef ISA
 };
@@ -51,7 +55,8 @@ static bool processor_runs(const char *name)
 {
 #if defined(__x86_64__)
     __builtin_cpu_init();
-    if (!strcmp(name, "avx2")) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+    if (!strcmp(name, "avx2"))
+        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
     if (!strcmp(name, "avx512"))
         return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
                __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw");

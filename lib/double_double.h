@@ -14,7 +14,7 @@ struct pair {
 static inline struct pair pair_sum(double a, double b)
 {
     double s = a + b, t = s - a;
-    return (struct pair){ s, (a - (s - t)) + (b - t) };
+    return (struct pair){s, (a - (s - t)) + (b - t)};
 }
 
 static inline struct pair pair_product(struct pair a, struct pair b)
@@ -32,13 +32,13 @@ static inline struct pair pair_add(struct pair a, struct pair b)
 
 static inline struct pair pair_negative(struct pair a)
 {
-    return (struct pair){ -a.hi, -a.lo };
+    return (struct pair){-a.hi, -a.lo};
 }
 
 static inline struct pair pair_quotient(struct pair a, struct pair b)
 {
     double q = a.hi / b.hi;
-    struct pair rest = pair_add(a, pair_negative(pair_product((struct pair){ q, 0 }, b)));
+    struct pair rest = pair_add(a, pair_negative(pair_product((struct pair){q, 0}, b)));
     return pair_sum(q, (rest.hi + rest.lo) / b.hi);
 }
 

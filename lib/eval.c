@@ -14,7 +14,8 @@ struct loops {
     const struct facet_samplers *samplers;
 };
 
-static kernel_eval_fn *find_sampler_loop(const struct batch *batch, const struct facet_samplers *samplers,
+static kernel_eval_fn *find_sampler_loop(const struct batch *batch,
+                                         const struct facet_samplers *samplers,
                                          enum kernel_quantity quantity)
 {
     facet_ndf ndf = batch->brdf->material.ndf;
@@ -22,14 +23,17 @@ static kernel_eval_fn *find_sampler_loop(const struct batch *batch, const struct
     return samplers->weight[ndf][batch->sampler][batch->brdf->masking];
 }
 
-static kernel_eval_fn *find_loop(const struct batch *batch, const struct loops *loops, enum kernel_quantity quantity)
+static kernel_eval_fn *find_loop(const struct batch *batch, const struct loops *loops,
+                                 enum kernel_quantity quantity)
 {
     const facet_brdf *b = batch->brdf;
     const struct facet_kernels *kernels = loops->kernels;
-    if (batch->sampler != FACET_SAMPLER_AUTO && (quantity == KERNEL_PDF || quantity == KERNEL_WEIGHT))
+    if (batch->sampler != FACET_SAMPLER_AUTO &&
+        (quantity == KERNEL_PDF || quantity == KERNEL_WEIGHT))
         return find_sampler_loop(batch, loops->samplers, quantity);
     if (quantity == KERNEL_FR && b->masking == KERNEL_SMITH && b->channels == 1) {
-        kernel_eval_fn *own = kernels->fr_achromatic[b->material.ndf][b->shape][b->material.fresnel.kind];
+        kernel_eval_fn
+            *own = kernels->fr_achromatic[b->material.ndf][b->shape][b->material.fresnel.kind];
         if (own) return own;
     }
     if (quantity == KERNEL_F) return kernels->eval[KERNEL_F][FACET_GGX][KERNEL_ISO][KERNEL_SMITH];
@@ -54,15 +58,16 @@ static size_t columns_of(const facet_brdf *b, int quantity)
 
 static struct kernel_job job_of(const facet_brdf *b)
 {
-    return (struct kernel_job){ .kind = b->material.fresnel.kind, .channels = b->channels, .fresnel = b->fresnel };
+    return (struct kernel_job){
+        .kind = b->material.fresnel.kind, .channels = b->channels, .fresnel = b->fresnel};
 }
 
 /* Elements start .. start + n - 1 of a quantity: those without a number again, in precise. */
 static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n);
 
 /* Runs one quantity over n (whole vectors) and says whether there were strays. */
-static bool run(const struct batch *batch, const struct loops *loops, const struct kernel_job *job, int quantity,
-                size_t n)
+static bool run(const struct batch *batch, const struct loops *loops, const struct kernel_job *job,
+                int quantity, size_t n)
 {
     return find_loop(batch, loops, (enum kernel_quantity)quantity)(&batch->brdf->surface, job, n);
 }
@@ -71,7 +76,9 @@ static bool run(const struct batch *batch, const struct loops *loops, const stru
 static kernel_eval_fn *joint_loop(const struct batch *batch, const struct facet_kernels *kernels)
 {
     const facet_brdf *b = batch->brdf;
-    if (!batch->out[KERNEL_FR][0].data || !batch->out[KERNEL_PDF][0].data || b->masking != KERNEL_SMITH) return NULL;
+    if (!batch->out[KERNEL_FR][0].data || !batch->out[KERNEL_PDF][0].data ||
+        b->masking != KERNEL_SMITH)
+        return NULL;
     if (batch->sampler != FACET_SAMPLER_AUTO) return NULL;
     return kernels->fr_pdf[b->material.ndf][b->shape];
 }
@@ -83,15 +90,15 @@ struct wanted {
 
 static struct wanted wanted_of(const struct batch *batch)
 {
-    struct wanted w = { .count = 0 };
+    struct wanted w = {.count = 0};
     for (int q = 0; q < KERNEL_QUANTITY_COUNT; q++)
         if (batch->out[q][0].data) w.quantity[w.count++] = q;
     return w;
 }
 
 /* A block of whole vectors in the kernels' own type. */
-static void run_in_place(const struct batch *batch, const struct loops *loops, const struct wanted *wanted,
-                         size_t start, size_t n)
+static void run_in_place(const struct batch *batch, const struct loops *loops,
+                         const struct wanted *wanted, size_t start, size_t n)
 {
     struct kernel_job job = job_of(batch->brdf);
     for (int j = 0; j < 3; j++) {
@@ -100,7 +107,8 @@ static void run_in_place(const struct batch *batch, const struct loops *loops, c
     }
     for (int i = 0; i < wanted->count; i++)
         for (int c = 0; c < 3; c++)
-            job.out[wanted->quantity[i]][c] = facet_array_at(batch->out[wanted->quantity[i]][c], start).data;
+            job.out[wanted->quantity[i]][c] =
+                facet_array_at(batch->out[wanted->quantity[i]][c], start).data;
     kernel_eval_fn *joint = wanted->count > 1 ? joint_loop(batch, loops->kernels) : NULL;
     if (joint && joint(&batch->brdf->surface, &job, n)) {
         redo_strays(batch, KERNEL_FR, start, n);
@@ -147,7 +155,7 @@ void facet_batch_run(const struct batch *batch, size_t n)
         return;
     }
     facet_tier tier = facet_batch_tier(batch->brdf, batch->tier);
-    struct loops loops = { .kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io) };
+    struct loops loops = {.kernels = facet_kernels_nearest(tier, batch->wi[0].io, &io)};
     loops.samplers = facet_samplers_for(tier, io);
     const struct wanted wanted = wanted_of(batch);
     /* What is read once need not be in the first-level cache to be read again. */
@@ -180,7 +188,9 @@ static size_t find_nans(struct array a, size_t n, size_t at[BLOCK])
     for (size_t k = 0, size; k < n; k += size) {
         size = n - k < KERNEL_LANES ? n - k : KERNEL_LANES;
         const struct array part = facet_array_at(a, k);
-        if (!any_nan(a.io == KERNEL_FLOAT ? part.data : NULL, a.io == KERNEL_FLOAT ? NULL : part.data, size)) continue;
+        if (!any_nan(a.io == KERNEL_FLOAT ? part.data : NULL,
+                     a.io == KERNEL_FLOAT ? NULL : part.data, size))
+            continue;
         for (size_t j = 0; j < size; j++)
             if (isnan(facet_array_get(part, j))) at[count++] = k + j;
     }
@@ -202,15 +212,16 @@ static void redo_block(const struct batch *batch, int quantity, size_t start, si
             in[3 + j][i] = facet_array_get(batch->wo[j], at[i]);
         }
     }
-    struct batch again = { .brdf = batch->brdf, .tier = FACET_PRECISE, .sampler = batch->sampler };
+    struct batch again = {.brdf = batch->brdf, .tier = FACET_PRECISE, .sampler = batch->sampler};
     for (int j = 0; j < 3; j++) {
-        again.wi[j] = (struct array){ in[j], KERNEL_DOUBLE };
-        again.wo[j] = (struct array){ in[3 + j], KERNEL_DOUBLE };
-        if (columns[j].data) again.out[quantity][j] = (struct array){ out[j], KERNEL_DOUBLE };
+        again.wi[j] = (struct array){in[j], KERNEL_DOUBLE};
+        again.wo[j] = (struct array){in[3 + j], KERNEL_DOUBLE};
+        if (columns[j].data) again.out[quantity][j] = (struct array){out[j], KERNEL_DOUBLE};
     }
     if (count) facet_batch_run(&again, count);
     for (int c = 0; c < 3; c++)
-        for (size_t k = 0; columns[c].data && k < count; k++) facet_array_put(columns[c], at[k], out[c][k]);
+        for (size_t k = 0; columns[c].data && k < count; k++)
+            facet_array_put(columns[c], at[k], out[c][k]);
 }
 
 static void redo_strays(const struct batch *batch, int quantity, size_t start, size_t n)
@@ -225,9 +236,10 @@ facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in w
                         size_t n, const facet_outputs *outputs)
 {
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    struct batch batch = { .brdf = brdf, .tier = tier,
-                           .wi = { facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z) },
-                           .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) } };
+    struct batch batch = {.brdf = brdf,
+                          .tier = tier,
+                          .wi = {facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z)},
+                          .wo = {facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z)}};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         for (int c = 0; c < 3; c++) batch.out[q][c] = facet_doubles(outputs->of[q][c]);
     facet_batch_run(&batch, n);
@@ -238,9 +250,10 @@ facet_status facet_eval_float(const facet_brdf *brdf, facet_tier tier, facet_vec
                               facet_vec3_in_float wo, size_t n, const facet_outputs_float *outputs)
 {
     if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    struct batch batch = { .brdf = brdf, .tier = tier,
-                           .wi = { facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z) },
-                           .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) } };
+    struct batch batch = {.brdf = brdf,
+                          .tier = tier,
+                          .wi = {facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z)},
+                          .wo = {facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z)}};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         for (int c = 0; c < 3; c++) batch.out[q][c] = facet_floats(outputs->of[q][c]);
     facet_batch_run(&batch, n);
@@ -251,13 +264,17 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
                              double *condition)
 {
     *condition = 1;
-    if (brdf->masking != KERNEL_SMITH_THESIS && brdf->masking != KERNEL_UNCORRELATED_THESIS) return FACET_OK;
+    if (brdf->masking != KERNEL_SMITH_THESIS && brdf->masking != KERNEL_UNCORRELATED_THESIS)
+        return FACET_OK;
     double out[BLOCK];
     for (size_t start = 0; start < n; start += BLOCK) {
         size_t size = n - start < BLOCK ? n - start : BLOCK;
-        struct batch batch = { .brdf = brdf, .tier = FACET_PRECISE,
-                               .wi = { facet_doubles(wi.x + start), facet_doubles(wi.y + start), facet_doubles(wi.z + start) },
-                               .wo = { facet_doubles(wo.x + start), facet_doubles(wo.y + start), facet_doubles(wo.z + start) } };
+        struct batch batch = {.brdf = brdf,
+                              .tier = FACET_PRECISE,
+                              .wi = {facet_doubles(wi.x + start), facet_doubles(wi.y + start),
+                                     facet_doubles(wi.z + start)},
+                              .wo = {facet_doubles(wo.x + start), facet_doubles(wo.y + start),
+                                     facet_doubles(wo.z + start)}};
         batch.out[KERNEL_CONDITION][0] = facet_doubles(out);
         facet_batch_run(&batch, size);
         for (size_t i = 0; i < size; i++) *condition = fmax(*condition, out[i]);

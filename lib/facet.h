@@ -36,19 +36,19 @@ extern "C" {
 
 /* ---- Status ---------------------------------------------------------------- */
 
-#define FACET_STATUS_MAP(X)                                                     \
-    X(OK, "success")                                                            \
-    X(NO_MEMORY, "out of memory")                                               \
-    X(BAD_ALPHA, "alpha_x and alpha_y must lie in [1e-8, 1e4]")                 \
-    X(BAD_PHI, "phi must lie in [-100, 100]")                                   \
-    X(BAD_RHO, "rho must lie in [-1 + 1e-12, 1 - 1e-12]")                       \
-    X(BAD_MEAN_SLOPE, "the components of mean_slope must lie in [-1e6, 1e6]")   \
-    X(BAD_FRESNEL, "a Fresnel parameter is out of range")                       \
-    X(BAD_TABLE, "a table needs finite data, sorted nodes and a positive scale") \
-    X(BAD_SIZE, "a size is zero or too large")                                  \
-    X(BAD_DATA, "the data hold nothing that can be used")                       \
-    X(UNSUPPORTED, "this combination is not available")                         \
-    X(NO_CONVERGENCE, "the iteration did not converge")                         \
+#define FACET_STATUS_MAP(X)                                                                        \
+    X(OK, "success")                                                                               \
+    X(NO_MEMORY, "out of memory")                                                                  \
+    X(BAD_ALPHA, "alpha_x and alpha_y must lie in [1e-8, 1e4]")                                    \
+    X(BAD_PHI, "phi must lie in [-100, 100]")                                                      \
+    X(BAD_RHO, "rho must lie in [-1 + 1e-12, 1 - 1e-12]")                                          \
+    X(BAD_MEAN_SLOPE, "the components of mean_slope must lie in [-1e6, 1e6]")                      \
+    X(BAD_FRESNEL, "a Fresnel parameter is out of range")                                          \
+    X(BAD_TABLE, "a table needs finite data, sorted nodes and a positive scale")                   \
+    X(BAD_SIZE, "a size is zero or too large")                                                     \
+    X(BAD_DATA, "the data hold nothing that can be used")                                          \
+    X(UNSUPPORTED, "this combination is not available")                                            \
+    X(NO_CONVERGENCE, "the iteration did not converge")                                            \
     X(CANCELLED, "the caller asked to stop")
 
 typedef enum facet_status {
@@ -174,7 +174,7 @@ void facet_brdf_destroy(facet_brdf *brdf); /* NULL is allowed */
  * the promises, cheapest tier first; tests enforce them.
  */
 typedef enum facet_tier {
-    FACET_DRAFT,   /* float, estimates of quotients and roots where the processor has good ones (AVX-512) */
+    FACET_DRAFT, /* float, estimates of quotients and roots where the processor has good ones (AVX-512) */
     FACET_FAST,    /* float */
     FACET_EXACT32, /* double inside, so that rounding a result to float is all its error */
     FACET_PRECISE, /* double, compensated where terms cancel */
@@ -209,14 +209,14 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
                        double input_error, double *bound);
 
 /* How directions are sampled: see facet_sample. */
-#define FACET_SAMPLER_MAP(X)                                                    \
-    X(AUTO, "auto")       /* CAPS for GGX, SLOPE for Beckmann, TABLE for tables: FACET_PDF is theirs */ \
-    X(CAPS, "caps")       /* visible normals by spherical caps; GGX */          \
-    X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */ \
-    X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */        \
-    X(NDF, "ndf")         /* all normals, seen or not */                        \
-    X(COSINE, "cosine")   /* wi by its cosine, whatever the material */         \
-    X(VCAVITY, "vcavity") /* visible normals of V-cavities (masking VGROOVE) */   \
+#define FACET_SAMPLER_MAP(X)                                                                       \
+    X(AUTO, "auto") /* CAPS for GGX, SLOPE for Beckmann, TABLE for tables: FACET_PDF is theirs */  \
+    X(CAPS, "caps") /* visible normals by spherical caps; GGX */                                   \
+    X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */            \
+    X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */                     \
+    X(NDF, "ndf")         /* all normals, seen or not */                                           \
+    X(COSINE, "cosine")   /* wi by its cosine, whatever the material */                            \
+    X(VCAVITY, "vcavity") /* visible normals of V-cavities (masking VGROOVE) */                    \
     X(TABLE, "table")     /* visible normals of a table; for GGX and Beckmann one of their own */
 
 typedef enum facet_sampler {
@@ -242,15 +242,15 @@ facet_status facet_sampler_prepare(facet_sampler sampler, facet_ndf ndf);
  * absolute, that is with a floor of 1; the weight is that of a wi within the bound
  * (and so is the pdf of NDF, which has a pole at wi = -wo).
  */
-bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
-                        double *bound);
+bool facet_sample_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                        double input_error, double *bound);
 /* The same for facet_pdf.  BOUNDED: on the side of the edge on which rounding put wi. */
-bool facet_pdf_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
-                     double *bound);
+bool facet_pdf_bound(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                     double input_error, double *bound);
 
 /* The same for facet_pdf_float. */
-bool facet_pdf_bound_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, double input_error,
-                           double *bound);
+bool facet_pdf_bound_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                           double input_error, double *bound);
 
 const char *facet_tier_name(facet_tier tier);
 /* For people: the materials it promises anything for (facet_bound decides). */
@@ -365,8 +365,9 @@ typedef struct facet_samples {
  *            supplement, section 5), which has their CDF within 1e-8; pdf is the table's.  That
  *            table is made by the first call that needs it, which may be NO_MEMORY.
  */
-facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
-                          const double *u1, const double *u2, size_t n, const facet_samples *samples);
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                          facet_vec3_in wo, const double *u1, const double *u2, size_t n,
+                          const facet_samples *samples);
 
 /* The same on floats. */
 typedef struct facet_samples_float {
@@ -384,12 +385,12 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_s
  * Density with which the sampler makes wi from wo, per solid angle, over the whole
  * sphere; 0 where it never goes.
  */
-facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
-                       facet_vec3_in wo, size_t n, double *pdf);
+facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                       facet_vec3_in wi, facet_vec3_in wo, size_t n, double *pdf);
 
 /* The same on floats. */
-facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in_float wi,
-                             facet_vec3_in_float wo, size_t n, float *pdf);
+facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                             facet_vec3_in_float wi, facet_vec3_in_float wo, size_t n, float *pdf);
 
 /* ---- Long work ------------------------------------------------------------------ */
 

@@ -16,9 +16,10 @@ extern "C" {
 #endif
 
 typedef struct facet_albedo_options {
-    double tolerance;       /* relative error aimed at, in [1e-15, 0.1] */
-    size_t evaluations_max; /* of fr, per direction (for the mean: in all); beyond, nothing is refined */
-    facet_watch watch;      /* asked every few thousand evaluations */
+    double tolerance; /* relative error aimed at, in [1e-15, 0.1] */
+    size_t
+        evaluations_max; /* of fr, per direction (for the mean: in all); beyond, nothing is refined */
+    facet_watch watch;   /* asked every few thousand evaluations */
 } facet_albedo_options;
 
 /* An absolute error: |value - exact| <= error.  Infinite where nothing can be promised. */
@@ -37,8 +38,9 @@ facet_status facet_albedo(const facet_material *material, facet_vec3_in wo, size
                           size_t *evaluations);
 
 /* (1/pi) integral of albedo(wo) cos theta_o over the hemisphere. */
-facet_status facet_albedo_average(const facet_material *material, const facet_albedo_options *options,
-                                  facet_albedo_value *average, size_t *evaluations);
+facet_status facet_albedo_average(const facet_material *material,
+                                  const facet_albedo_options *options, facet_albedo_value *average,
+                                  size_t *evaluations);
 
 #ifdef __cplusplus
 }

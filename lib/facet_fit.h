@@ -88,7 +88,7 @@ typedef struct facet_fit_candidate {
        facet_slope_table_create_turned */
     const double *log_d;
     size_t log_d_nodes, log_d_rows; /* of each row; 1: no rows */
-    size_t bytes;      /* of the numbers that describe it, as float64 */
+    size_t bytes;                   /* of the numbers that describe it, as float64 */
     facet_fit_error error;
 } facet_fit_candidate;
 
@@ -127,12 +127,12 @@ typedef struct facet_fit {
     size_t count; /* by growing size */
     facet_fit_candidate candidate[FACET_FIT_CANDIDATES_MAX];
     facet_fit_convention convention;
-    bool has_convention;  /* false where it means nothing: samples, other masking than SMITH, an
+    bool has_convention; /* false where it means nothing: samples, other masking than SMITH, an
                              anisotropic source that is no model under either */
-    double table_scale;   /* of the slope tables: tan theta at u = 1/2 */
-    size_t pairs;       /* that the errors were taken over */
-    double flat_rms;    /* rms_log of the best Lambertian surface: what a fit must explain */
-    double hot_spot;    /* mean log of backscatter over the best candidate's, from 15 to 70 degrees
+    double table_scale;  /* of the slope tables: tan theta at u = 1/2 */
+    size_t pairs;        /* that the errors were taken over */
+    double flat_rms;     /* rms_log of the best Lambertian surface: what a fit must explain */
+    double hot_spot;     /* mean log of backscatter over the best candidate's, from 15 to 70 degrees
                            off the normal; of samples, those within 6 degrees of it; NAN: not known */
     void *owned;
 } facet_fit;

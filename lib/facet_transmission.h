@@ -33,7 +33,11 @@
 extern "C" {
 #endif
 
-typedef enum facet_transport { FACET_IMPORTANCE, FACET_RADIANCE, FACET_TRANSPORT_COUNT } facet_transport;
+typedef enum facet_transport {
+    FACET_IMPORTANCE,
+    FACET_RADIANCE,
+    FACET_TRANSPORT_COUNT
+} facet_transport;
 
 /*
  * A Beckmann surface whose mean slope is more than this many times its minor radius has no
@@ -48,7 +52,8 @@ typedef struct facet_bsdf facet_bsdf;
  * ENERGY_SAFE; a dielectric Fresnel term of one channel.  BAD_FRESNEL where its eta is 1: nothing is
  * refracted, and what is transmitted is no function of wi.
  */
-facet_status facet_bsdf_create(const facet_material *material, facet_transport transport, facet_bsdf **bsdf);
+facet_status facet_bsdf_create(const facet_material *material, facet_transport transport,
+                               facet_bsdf **bsdf);
 void facet_bsdf_destroy(facet_bsdf *bsdf); /* NULL is allowed */
 
 /*
@@ -58,8 +63,8 @@ void facet_bsdf_destroy(facet_bsdf *bsdf); /* NULL is allowed */
  * and of Walter's eq. 21.  PDF is the density of facet_bsdf_sample over the whole sphere: that of
  * both lobes, whichever side wi is on.
  */
-facet_status facet_bsdf_eval(const facet_bsdf *bsdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo, size_t n,
-                             const facet_outputs *outputs);
+facet_status facet_bsdf_eval(const facet_bsdf *bsdf, facet_tier tier, facet_vec3_in wi,
+                             facet_vec3_in wo, size_t n, const facet_outputs *outputs);
 
 /* Whether this sampler draws visible normals of the distribution (AUTO included). */
 bool facet_bsdf_sampler_serves(facet_sampler sampler, facet_ndf ndf);
@@ -70,29 +75,33 @@ bool facet_bsdf_sampler_serves(facet_sampler sampler, facet_ndf ndf);
  * FACET_IMPORTANCE, where a sample on the wrong side of the surface for its lobe still carries what
  * the other sends there.  pdf and weight are those of a wi within the bound of the one returned.
  */
-facet_status facet_bsdf_sample(const facet_bsdf *bsdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
-                               const double *u1, const double *u2, const double *u3, size_t n, const facet_samples *samples);
+facet_status facet_bsdf_sample(const facet_bsdf *bsdf, facet_tier tier, facet_sampler sampler,
+                               facet_vec3_in wo, const double *u1, const double *u2,
+                               const double *u3, size_t n, const facet_samples *samples);
 
 /*
  * As facet_bound and facet_closeness; input_error is to be multiplied by the closeness.  The tiers below
  * FACET_PRECISE promise FR, FR_COS and PDF alone, those in float an eta in [1/8, 8] and no nearer to 1 than 1/64.
  */
-bool facet_bsdf_bound(const facet_bsdf *bsdf, facet_tier tier, facet_quantity quantity, double input_error, double *bound);
-double facet_bsdf_closeness(const facet_bsdf *bsdf, facet_vec3_in wi, facet_vec3_in wo, size_t n, bool exact_z);
+bool facet_bsdf_bound(const facet_bsdf *bsdf, facet_tier tier, facet_quantity quantity,
+                      double input_error, double *bound);
+double facet_bsdf_closeness(const facet_bsdf *bsdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                            bool exact_z);
 
 /*
  * As facet_sample_bound.  dense: some wo are on the side of the larger index, where wi leaves the
  * critical angle like a square root and is right to the root of what its normal is right to.
  */
-bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, facet_tier tier, facet_sampler sampler, bool dense,
-                             double input_error, double *bound);
+bool facet_bsdf_sample_bound(const facet_bsdf *bsdf, facet_tier tier, facet_sampler sampler,
+                             bool dense, double input_error, double *bound);
 
 /*
  * Integrals of fr cos theta_i over wi on the side of each of n wo and on the other, as facet_albedo
  * (which see); value[0] and error[0] alone.  Their sum with FACET_IMPORTANCE is 1 minus what masking loses.
  */
-facet_status facet_bsdf_albedo(const facet_bsdf *bsdf, facet_vec3_in wo, size_t n, const facet_albedo_options *options,
-                               facet_albedo_value *reflected, facet_albedo_value *transmitted, size_t *evaluations);
+facet_status facet_bsdf_albedo(const facet_bsdf *bsdf, facet_vec3_in wo, size_t n,
+                               const facet_albedo_options *options, facet_albedo_value *reflected,
+                               facet_albedo_value *transmitted, size_t *evaluations);
 
 #ifdef __cplusplus
 }

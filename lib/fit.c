@@ -21,8 +21,12 @@ enum { SAMPLES_USED = 20000 };
  * phi_d.  40 parts of theta_d, because the middles of 45 would be nodes of the Fresnel table.
  */
 enum { ERROR_HALVES = 45, ERROR_DIFFERENCES = 40, ERROR_AZIMUTHS = 12 };
-enum { TURNED_ERROR_HALVES = 15, TURNED_ERROR_DIFFERENCES = 20, TURNED_ERROR_AZIMUTHS = 8,
-       TURNED_ERROR_TURNS = 8 };
+enum {
+    TURNED_ERROR_HALVES = 15,
+    TURNED_ERROR_DIFFERENCES = 20,
+    TURNED_ERROR_AZIMUTHS = 8,
+    TURNED_ERROR_TURNS = 8
+};
 enum { BACKSCATTERS = 600, TURNED_BACKSCATTERS = 60, BACKSCATTER_TURNS = 10 };
 
 bool facet_fit_cancelled(struct fit_work *work)
@@ -55,9 +59,8 @@ static facet_status ask_backscatter(struct fit_work *work, double scale)
         double u = ((double)i + 0.5) / (double)n;
         r[i] = scale * u / (1 - u);
     }
-    return facet_fit_pairs_backscatter(work->source, r, n,
-                                       work->anisotropic ? BACKSCATTER_TURNS : 1,
-                                       &work->backscatter);
+    return facet_fit_pairs_backscatter(
+        work->source, r, n, work->anisotropic ? BACKSCATTER_TURNS : 1, &work->backscatter);
 }
 
 static facet_status ask_isotropic(struct fit_work *work, double scale)
@@ -100,8 +103,8 @@ static facet_status ask_turned(struct fit_work *work)
 {
     double theta_h[TURNED_ERROR_HALVES], theta_d[TURNED_ERROR_DIFFERENCES];
     struct ellipse_halves ellipse = {work->roughness};
-    struct fit_grid grid = {NULL,           theta_d, TURNED_HALVES, TURNED_DIFFERENCES,
-                            TURNED_AZIMUTHS, TURNS,   turned_half,   &ellipse};
+    struct fit_grid grid = {NULL,  theta_d,     TURNED_HALVES, TURNED_DIFFERENCES, TURNED_AZIMUTHS,
+                            TURNS, turned_half, &ellipse};
     difference_angles(theta_d, TURNED_DIFFERENCES, 0);
     facet_status status = facet_fit_pairs_create(work->source, &grid, &work->pairs);
     if (status != FACET_OK || facet_fit_cancelled(work)) return status;
@@ -145,8 +148,7 @@ static void open_source(struct fit_work *work)
     if (facet_fit_cancelled(work)) return;
     double scale = fmax(1e-8, fmin(1e4, FIT_SCALE_PER_MEDIAN * median));
     work->fit->table_scale = scale;
-    if (work->anisotropic)
-        facet_fit_open_turned(work);
+    if (work->anisotropic) facet_fit_open_turned(work);
     if (facet_fit_cancelled(work)) return;
     if (work->anisotropic)
         work->status = ask_turned(work);
@@ -196,7 +198,8 @@ static void run(struct fit_work *work)
     else
         open_source(work);
     if (facet_fit_cancelled(work)) return;
-    work->status = facet_fit_pairs_thin(&work->pairs, 1 + work->pairs.count / THIN_PAIRS, &work->thin);
+    work->status = facet_fit_pairs_thin(&work->pairs, 1 + work->pairs.count / THIN_PAIRS,
+                                        &work->thin);
     if (!facet_fit_cancelled(work)) facet_fit_candidates(work);
     if (!facet_fit_cancelled(work)) finish(work);
 }
@@ -220,14 +223,14 @@ facet_status facet_fit_create(const facet_fit_source *source, const facet_fit_op
     struct fit_work *work = calloc(1, sizeof *work);
     if (!work) return FACET_NO_MEMORY;
     *work = (struct fit_work){.source = source,
-                          .options = options,
-                          .watch = watch,
-                          .fit = fit,
-                          .nodes = options->resolution + 1,
-                          .anisotropic = options->anisotropic,
-                          .best_cost = HUGE_VAL,
-                          .diffuse_cost = HUGE_VAL,
-                          .plain_cost = HUGE_VAL};
+                              .options = options,
+                              .watch = watch,
+                              .fit = fit,
+                              .nodes = options->resolution + 1,
+                              .anisotropic = options->anisotropic,
+                              .best_cost = HUGE_VAL,
+                              .diffuse_cost = HUGE_VAL,
+                              .plain_cost = HUGE_VAL};
     for (size_t c = 0; c < 3; c++) work->value[c] = work->values[c];
     work->owned = calloc(1, sizeof *work->owned + 2 * work->nodes * sizeof(double));
     fit->owned = work->owned;

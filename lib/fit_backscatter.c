@@ -133,7 +133,8 @@ static double plain_sum(facet_masking masking, double r)
 static void normalize(struct fit_density *density, double *change)
 {
     double norm = 0, worst = 0, peak = 0;
-    for (size_t j = 0; j < density->count; j++) norm += 2 * FACET_PI * density->weight[j] * density->p[j];
+    for (size_t j = 0; j < density->count; j++)
+        norm += 2 * FACET_PI * density->weight[j] * density->p[j];
     for (size_t j = 0; j < density->count; j++) {
         density->p[j] /= norm;
         peak = fmax(peak, density->p[j]);

@@ -27,8 +27,7 @@ static void store_fresnel(const struct fit_work *work, size_t which, double *con
                                .channels = work->pairs.channels,
                                .count = groups + 1,
                                .cos_theta_d = owned->cos_theta_d};
-    for (size_t g = 0; g < groups; g++)
-        owned->cos_theta_d[groups - g] = work->pairs.cos_theta_d[g];
+    for (size_t g = 0; g < groups; g++) owned->cos_theta_d[groups - g] = work->pairs.cos_theta_d[g];
     owned->cos_theta_d[0] = 0;
     for (size_t c = 0; c < work->pairs.channels; c++) {
         double *to = owned->fresnel[which][c];
@@ -45,7 +44,8 @@ static size_t numbers_of(const facet_fit_candidate *candidate)
     size_t channels = m->fresnel.channels, numbers = channels;
     if (m->fresnel.kind == FACET_FRESNEL_TABLE) numbers = m->fresnel.count * (1 + channels);
     if (candidate->has_diffuse) numbers += channels;
-    if (m->ndf == FACET_TABULATED) numbers += candidate->log_d_rows * candidate->log_d_nodes + 1; /* and its scale */
+    if (m->ndf == FACET_TABULATED)
+        numbers += candidate->log_d_rows * candidate->log_d_nodes + 1; /* and its scale */
     if (m->ndf != FACET_TABULATED || candidate->anisotropic)
         numbers += candidate->anisotropic ? 3 : 1;
     return numbers;
@@ -89,8 +89,8 @@ static bool thin_slopes(struct fit_work *work, facet_fit_candidate *candidate)
                        ? candidate->log_d[candidate->log_d_nodes - 1]
                        : fmax(facet_slope_table_log_d(owned->table[k], r), LOG_D_LEAST);
     }
-    work->status =
-        facet_slope_table_create(scale, log_d, FACET_FIT_COMPACT + 1, &owned->compact_table[k]);
+    work->status = facet_slope_table_create(scale, log_d, FACET_FIT_COMPACT + 1,
+                                            &owned->compact_table[k]);
     if (work->status == FACET_BAD_TABLE) {
         work->status = FACET_OK;
         return false;
@@ -114,12 +114,15 @@ static bool thin_rows(struct fit_work *work, facet_fit_candidate *candidate)
             double u = (double)i / FACET_FIT_COMPACT, r = fmin(scale * u / (1 - u), 1e12);
             row[i] = i == FACET_FIT_COMPACT
                          ? candidate->log_d[(2 * j + 1) * candidate->log_d_nodes - 1]
-                         : fmax(facet_slope_table_log_d_along(owned->turned_table, r, (double)j / ROWS), LOG_D_LEAST);
+                         : fmax(facet_slope_table_log_d_along(owned->turned_table, r,
+                                                              (double)j / ROWS),
+                                LOG_D_LEAST);
         }
         row[0] = owned->compact_turned_log_d[0][0];
     }
     const double *log_d = owned->compact_turned_log_d[0];
-    work->status = facet_slope_table_create_turned(scale, log_d, FACET_FIT_COMPACT + 1, ROWS, &owned->compact_turned);
+    work->status = facet_slope_table_create_turned(scale, log_d, FACET_FIT_COMPACT + 1, ROWS,
+                                                   &owned->compact_turned);
     if (work->status == FACET_BAD_TABLE) {
         work->status = FACET_OK;
         return false;
@@ -146,7 +149,8 @@ static void add_candidate(struct fit_work *work, const struct fit_model *model)
 {
     facet_fit_candidate *candidate = &work->fit->candidate[work->fit->count];
     /* Over the azimuth: the place of the isotropic table, which an anisotropic source does not have. */
-    size_t which = 4 * (size_t)model->ndf + 2 * (model->anisotropic && !model->is_turned) + model->has_diffuse;
+    size_t which = 4 * (size_t)model->ndf + 2 * (model->anisotropic && !model->is_turned) +
+                   model->has_diffuse;
     candidate->material = facet_fit_model_material(model);
     candidate->has_diffuse = model->has_diffuse;
     candidate->anisotropic = model->anisotropic;
@@ -159,9 +163,11 @@ static void add_candidate(struct fit_work *work, const struct fit_model *model)
         memcpy(fresnel->f0, model->f0, sizeof fresnel->f0);
     }
     for (size_t c = 0; c < 3; c++)
-        candidate->diffuse[c] = model->has_diffuse ? model->kd[c < work->pairs.channels ? c : 0] : 0;
+        candidate->diffuse[c] = model->has_diffuse ? model->kd[c < work->pairs.channels ? c : 0]
+                                                   : 0;
     if (model->ndf == FACET_TABULATED) {
-        candidate->log_d = model->is_turned ? work->owned->turned_log_d : work->owned->log_d + model->has_diffuse * work->nodes;
+        candidate->log_d = model->is_turned ? work->owned->turned_log_d
+                                            : work->owned->log_d + model->has_diffuse * work->nodes;
         candidate->log_d_nodes = work->nodes;
         candidate->log_d_rows = model->is_turned ? FACET_FIT_ROWS : 1;
     }
@@ -208,8 +214,7 @@ static void start(struct fit_work *work, const double *log_alpha, size_t n, stru
         work->status = facet_fit_pairs_model(&work->thin, &material, work->thin.model);
         if (work->status != FACET_OK) return;
         guess(&trial, &work->thin);
-        work->status =
-            facet_fit_model_solve(&trial, &work->thin, STEPS, work->watch, &cost);
+        work->status = facet_fit_model_solve(&trial, &work->thin, STEPS, work->watch, &cost);
         if (work->status != FACET_OK) return;
         if (cost < best) {
             best = cost;
@@ -319,7 +324,8 @@ static void add_tabulated(struct fit_work *work, bool diffuse, bool turned)
     facet_fit *fit = work->fit;
     struct fit_model model = {.ndf = FACET_TABULATED,
                               .masking = work->options->masking,
-                              .table = turned ? work->owned->turned_table : work->owned->table[diffuse],
+                              .table = turned ? work->owned->turned_table
+                                              : work->owned->table[diffuse],
                               .is_turned = turned,
                               .anisotropic = work->anisotropic,
                               .fixed_shape = true,
@@ -340,8 +346,8 @@ static void add_tabulated(struct fit_work *work, bool diffuse, bool turned)
     if (!facet_fit_fresnel_table(&work->pairs, model.kd, work->value)) return;
     if (!work->anisotropic)
         work->status = facet_fit_polish(&work->pairs, &model, fit->table_scale,
-                                        work->owned->log_d + diffuse * work->nodes,
-                                        work->nodes, &work->owned->table[diffuse], work->watch);
+                                        work->owned->log_d + diffuse * work->nodes, work->nodes,
+                                        &work->owned->table[diffuse], work->watch);
     if (!facet_fit_cancelled(work)) add_candidate(work, &model);
 }
 
@@ -357,7 +363,8 @@ void facet_fit_candidates(struct fit_work *work)
         size_t before = work->fit->count;
         for (int turned = 0; turned <= work->anisotropic; turned++) {
             double cost = HUGE_VAL;
-            for (int diffuse = 0; diffuse <= work->options->diffuse && !facet_fit_cancelled(work); diffuse++)
+            for (int diffuse = 0; diffuse <= work->options->diffuse && !facet_fit_cancelled(work);
+                 diffuse++)
                 add_parametric(work, (facet_ndf)ndf, turned, diffuse, &cost);
         }
         if (!asked) work->fit->count = before;
@@ -366,9 +373,11 @@ void facet_fit_candidates(struct fit_work *work)
     if (work->anisotropic) facet_fit_tabulate_turned(work);
     if (!facet_fit_cancelled(work)) add_tabulated(work, false, false);
     /* What an ellipse explains needs no rows. */
-    if (work->anisotropic && work->best_cost > EXACT && !facet_fit_cancelled(work)) facet_fit_tabulate_rows(work);
+    if (work->anisotropic && work->best_cost > EXACT && !facet_fit_cancelled(work))
+        facet_fit_tabulate_rows(work);
     if (!facet_fit_cancelled(work) && work->owned->turned_table) add_tabulated(work, false, true);
-    if (facet_fit_cancelled(work) || !(work->diffuse_cost < work->plain_cost) || work->anisotropic) return;
+    if (facet_fit_cancelled(work) || !(work->diffuse_cost < work->plain_cost) || work->anisotropic)
+        return;
     facet_status status = facet_fit_extract_diffuse(work);
     if (status == FACET_NO_MEMORY || status == FACET_CANCELLED) work->status = status;
     if (status == FACET_OK) add_tabulated(work, true, false);

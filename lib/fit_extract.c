@@ -69,8 +69,8 @@ static facet_fit_convention decide(const struct fit_work *work, const double res
 {
     double masking = fmin(work->pure[FACET_FIT_MASKING_ONLY][0],
                           work->pure[FACET_FIT_MASKING_ONLY][1]),
-           correlated =
-               fmin(work->pure[FACET_FIT_CORRELATED][0], work->pure[FACET_FIT_CORRELATED][1]);
+           correlated = fmin(work->pure[FACET_FIT_CORRELATED][0],
+                             work->pure[FACET_FIT_CORRELATED][1]);
     if (correlated < FIT_PURE && correlated * PURER < masking) return FACET_FIT_CORRELATED;
     if (masking < FIT_PURE && masking * PURER < correlated) return FACET_FIT_MASKING_ONLY;
     return residual[FACET_FIT_MASKING_ONLY] < CLEARLY * residual[FACET_FIT_CORRELATED] &&
@@ -175,13 +175,15 @@ facet_status facet_fit_extract_diffuse(struct fit_work *work)
 /* Beyond this the distribution is no model's, whatever the convention. */
 #define PURE_TURNED 0.05
 
-static facet_status turn_by(struct fit_work *work, facet_fit_convention convention, struct fit_turn *turn,
-                            double *purity)
+static facet_status turn_by(struct fit_work *work, facet_fit_convention convention,
+                            struct fit_turn *turn, double *purity)
 {
     facet_status status = facet_fit_turn_create(work->source, work->options->masking, convention,
-                                                work->fit->table_scale, TURN_RADII, TURN_AZIMUTHS, work->watch, turn);
+                                                work->fit->table_scale, TURN_RADII, TURN_AZIMUTHS,
+                                                work->watch, turn);
     if (status == FACET_OK)
-        *purity = fmin(facet_fit_turn_purity(turn, FACET_GGX), facet_fit_turn_purity(turn, FACET_BECKMANN));
+        *purity = fmin(facet_fit_turn_purity(turn, FACET_GGX),
+                       facet_fit_turn_purity(turn, FACET_BECKMANN));
     return status;
 }
 
@@ -201,8 +203,10 @@ void facet_fit_open_turned(struct fit_work *work)
     work->has_turn = true;
     if (work->options->masking == FACET_SMITH) {
         facet_status status = turn_by(work, FACET_FIT_MASKING_ONLY, &other, &masking);
-        bool better = status == FACET_OK && masking < PURE_TURNED && masking * PURER_TURNED < correlated;
-        fit->has_convention = better || (correlated < PURE_TURNED && correlated * PURER_TURNED < masking);
+        bool better = status == FACET_OK && masking < PURE_TURNED &&
+                      masking * PURER_TURNED < correlated;
+        fit->has_convention = better ||
+                              (correlated < PURE_TURNED && correlated * PURER_TURNED < masking);
         if (better) {
             struct fit_turn worse = work->turn;
             work->turn = other;
@@ -238,10 +242,11 @@ void facet_fit_tabulate_rows(struct fit_work *work)
     owned->turned_log_d = calloc(FACET_FIT_ROWS * work->nodes, sizeof *owned->turned_log_d);
     work->status = owned->turned_log_d ? FACET_OK : FACET_NO_MEMORY;
     if (work->status == FACET_OK)
-        work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention, &work->turn, &work->roughness,
-                                            fit->table_scale, work->nodes, FACET_FIT_ROWS, owned->turned_log_d);
+        work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention,
+                                            &work->turn, &work->roughness, fit->table_scale,
+                                            work->nodes, FACET_FIT_ROWS, owned->turned_log_d);
     if (facet_fit_cancelled(work)) return;
-    work->status = facet_slope_table_create_turned(fit->table_scale, owned->turned_log_d, work->nodes, FACET_FIT_ROWS,
-                                                   &owned->turned_table);
+    work->status = facet_slope_table_create_turned(
+        fit->table_scale, owned->turned_log_d, work->nodes, FACET_FIT_ROWS, &owned->turned_table);
     if (work->status == FACET_BAD_TABLE) work->status = FACET_OK; /* there is none */
 }

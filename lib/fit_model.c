@@ -169,7 +169,8 @@ static void add_channel(const struct fit_model *model, struct rows *rows, size_t
     double kd = model->has_diffuse ? model->kd[c] : 0, jacobian[ARROW_SHARED_MAX];
     for (size_t i = 0; i < p->count; i++) {
         double s = p->schlick[i], m = p->model[i], lambert = p->wi[2][i] / FACET_PI;
-        double f = model->has_table ? model->value[c][p->group[i]] : model->f0[c] + (1 - model->f0[c]) * s;
+        double f = model->has_table ? model->value[c][p->group[i]]
+                                    : model->f0[c] + (1 - model->f0[c]) * s;
         double fit = (1 - kd) * f * m + kd * lambert, y = FACET_FIT_EPSILON + fit;
         double residual = p->log_fr[c][i] - log(y), size = fabs(residual);
         double weight = size > rows->limit ? rows->limit / size : 1, per = 1 / y;
@@ -275,8 +276,8 @@ static bool advance(struct solver *s, struct fit_model *model, struct rows *rows
 facet_status facet_fit_model_solve(struct fit_model *model, struct fit_pairs *pairs, int steps,
                                    const facet_watch *watch, double *cost)
 {
-    struct rows rows = {pairs, pairs->channels, layout_of(model, pairs->channels),
-                        INFINITY, 0, 0, false};
+    struct rows rows = {pairs, pairs->channels, layout_of(model, pairs->channels), INFINITY, 0, 0,
+                        false};
     struct solver s;
     facet_status status = solver_create(&s, model, &rows) ? FACET_OK : FACET_NO_MEMORY;
     for (int robust = 0; status == FACET_OK && robust < 2; robust++) {

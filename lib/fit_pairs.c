@@ -15,10 +15,10 @@ static bool allocate(struct fit_pairs *pairs, size_t n)
     double *at = calloc(n, DOUBLES * sizeof *at + sizeof *pairs->group);
     if (!at) return false;
     pairs->owned = at;
-    double **to[] = {&pairs->wi[0],     &pairs->wi[1],     &pairs->wi[2],     &pairs->wo[0],
-                     &pairs->wo[1],     &pairs->wo[2],     &pairs->fr_cos[0], &pairs->fr_cos[1],
-                     &pairs->fr_cos[2], &pairs->log_fr[0], &pairs->log_fr[1], &pairs->log_fr[2],
-                     &pairs->model,     &pairs->slope[0],  &pairs->slope[1],  &pairs->slope[2],
+    double **to[] = {&pairs->wi[0],     &pairs->wi[1],      &pairs->wi[2],     &pairs->wo[0],
+                     &pairs->wo[1],     &pairs->wo[2],      &pairs->fr_cos[0], &pairs->fr_cos[1],
+                     &pairs->fr_cos[2], &pairs->log_fr[0],  &pairs->log_fr[1], &pairs->log_fr[2],
+                     &pairs->model,     &pairs->slope[0],   &pairs->slope[1],  &pairs->slope[2],
                      &pairs->schlick,   &pairs->cos_theta_d};
     for (size_t i = 0; i < DOUBLES; i++) *to[i] = at + i * n;
     pairs->group = (size_t *)(at + DOUBLES * n);
@@ -112,13 +112,15 @@ facet_status facet_fit_pairs_create(const facet_fit_source *source, const struct
         for (size_t h = 0; h < grid->theta_h_count; h++) {
             for (size_t k = 0; k < grid->azimuths * grid->turns; k++) {
                 size_t turn = k / grid->azimuths;
-                double phi_d = circle * ((double)(k % grid->azimuths) + 0.5) / (double)grid->azimuths;
+                double phi_d = circle * ((double)(k % grid->azimuths) + 0.5) /
+                               (double)grid->azimuths;
                 /* turned by a part of the step from one theta_h to the next: no axis is missed */
-                double phi_h = grid->turns > 1 ? 2 * FACET_PI * ((double)turn + (double)(h % 3) / 3) /
-                                                     (double)grid->turns
-                                               : 0;
-                double theta_h =
-                    grid->theta_h_of ? grid->theta_h_of(grid->user, h, phi_h) : grid->theta_h[h];
+                double phi_h = grid->turns > 1
+                                   ? 2 * FACET_PI * ((double)turn + (double)(h % 3) / 3) /
+                                         (double)grid->turns
+                                   : 0;
+                double theta_h = grid->theta_h_of ? grid->theta_h_of(grid->user, h, phi_h)
+                                                  : grid->theta_h[h];
                 if (add_pair(pairs, theta_h, phi_h, grid->theta_d[d], phi_d))
                     pairs->group[pairs->count - 1] = d;
             }
@@ -244,8 +246,8 @@ facet_status facet_fit_pairs_model(const struct fit_pairs *pairs, const facet_ma
     outputs.of[FACET_FR_COS][0] = out;
     facet_status status = facet_brdf_create(&plain, &brdf);
     if (status != FACET_OK) return status;
-    status =
-        facet_eval(brdf, FACET_PRECISE, view(pairs->wi), view(pairs->wo), pairs->count, &outputs);
+    status = facet_eval(brdf, FACET_PRECISE, view(pairs->wi), view(pairs->wo), pairs->count,
+                        &outputs);
     facet_brdf_destroy(brdf);
     return status;
 }
@@ -277,7 +279,8 @@ static double fresnel_value(const struct fit_pairs *pairs, size_t channel, doubl
         double slope = 0, square = 0;
         for (size_t i = first; i < end; i++) {
             double fit = value * (1 - kd) * pairs->model[i];
-            double total = FACET_FIT_EPSILON + fit + kd / FACET_PI * pairs->wi[2][i], j = fit / total;
+            double total = FACET_FIT_EPSILON + fit + kd / FACET_PI * pairs->wi[2][i],
+                   j = fit / total;
             slope += j * (log_source[i] - log(total));
             square += j * j;
         }
@@ -385,8 +388,7 @@ static facet_status evaluate(const struct fit_pairs *pairs, const facet_fit_cand
     }
     facet_status status = facet_brdf_create(&candidate->material, &brdf);
     if (status == FACET_OK)
-        status =
-            facet_eval(brdf, FACET_PRECISE, view(pairs->wi), view(pairs->wo), n, &outputs);
+        status = facet_eval(brdf, FACET_PRECISE, view(pairs->wi), view(pairs->wo), n, &outputs);
     facet_brdf_destroy(brdf);
     for (size_t c = 3; status == FACET_OK && c-- > 0;) {
         double kd = candidate->has_diffuse ? candidate->diffuse[c] : 0;
@@ -406,8 +408,8 @@ static void backscatter_max(const struct fit_pairs *pairs, double *const fit[3],
         for (size_t i = 0; i < pairs->count; i++) peak = fmax(peak, pairs->fr_cos[c][i]);
         for (size_t i = 0; i < pairs->count; i++)
             if (pairs->fr_cos[c][i] > 1e-4 * peak)
-                error->backscatter_max =
-                    fmax(error->backscatter_max, fabs(fit[c][i] / pairs->fr_cos[c][i] - 1));
+                error->backscatter_max = fmax(error->backscatter_max,
+                                              fabs(fit[c][i] / pairs->fr_cos[c][i] - 1));
     }
 }
 

@@ -12,13 +12,13 @@ enum { FIT_SHAPES_MAX = 3 }; /* parameters of a roughness */
 struct fit_pairs {
     size_t count, channels; /* channels 1: the source has no colour */
     double *wi[3], *wo[3];
-    double *fr_cos[3]; /* of the source */
-    double *log_fr[3]; /* log(FACET_FIT_EPSILON + fr_cos) */
-    double *model;     /* room for fr_cos of an uncoloured material */
+    double *fr_cos[3];             /* of the source */
+    double *log_fr[3];             /* log(FACET_FIT_EPSILON + fr_cos) */
+    double *model;                 /* room for fr_cos of an uncoloured material */
     double *slope[FIT_SHAPES_MAX]; /* and for its derivatives */
-    double *schlick;     /* (1 - cos theta_d)^5 */
-    size_t *group;       /* index into cos_theta_d */
-    double *cos_theta_d; /* of the groups, decreasing */
+    double *schlick;               /* (1 - cos theta_d)^5 */
+    size_t *group;                 /* index into cos_theta_d */
+    double *cos_theta_d;           /* of the groups, decreasing */
     size_t groups;
     void *owned;
 };

@@ -32,7 +32,8 @@ static bool solve(struct normal_equations *e, double x[TERMS])
 /* What a node says: its terms and what they should sum to, GGX's relative to it. */
 static double node(const struct fit_turn *t, facet_ndf ndf, size_t m, double term[TERMS])
 {
-    double phi = 2 * FACET_PI * (double)(m % t->turns) / (double)t->turns, r = t->r[m / t->turns] / t->scale;
+    double phi = 2 * FACET_PI * (double)(m % t->turns) / (double)t->turns,
+           r = t->r[m / t->turns] / t->scale;
     double x = r * cos(phi), y = r * sin(phi), size = ndf == FACET_GGX ? sqrt(t->p[m]) : 1;
     const double plain[TERMS] = {1, x * x, x * y, y * y};
     for (int k = 0; k < TERMS; k++) term[k] = size * plain[k];

@@ -70,7 +70,8 @@ static void fill_kernel(const struct fit_turn *t, facet_fit_convention conventio
         for (size_t k = 0; k < t->radii; k++)
             for (size_t d = 0; d < t->turns; d++)
                 *kernel++ = facing(convention,
-                                   t->r[i] * t->r[k] * cos(2 * FACET_PI * (double)d / (double)t->turns));
+                                   t->r[i] * t->r[k] *
+                                       cos(2 * FACET_PI * (double)d / (double)t->turns));
 }
 
 /* next = gain (K weight p) */
@@ -129,7 +130,8 @@ static facet_status ask(const facet_fit_source *source, struct fit_turn *t, doub
     double *x = calloc(2 * n, sizeof *x), *y = x + n;
     if (!x) return FACET_NO_MEMORY;
     for (size_t m = 0; m < n; m++) {
-        double phi = 2 * FACET_PI * (double)(m % t->turns) / (double)t->turns, r = t->r[m / t->turns];
+        double phi = 2 * FACET_PI * (double)(m % t->turns) / (double)t->turns,
+               r = t->r[m / t->turns];
         x[m] = r * cos(phi), y[m] = r * sin(phi);
     }
     facet_status status = backscatter(source, x, y, n, gain);
@@ -227,7 +229,8 @@ static double masked_sum(const struct fit_turn *t, facet_fit_convention conventi
 {
     double sum = 0;
     for (size_t j = 0; j < t->turns; j++) {
-        double phi = 2 * FACET_PI * (double)j / (double)t->turns, along = x * cos(phi) + y * sin(phi);
+        double phi = 2 * FACET_PI * (double)j / (double)t->turns,
+               along = x * cos(phi) + y * sin(phi);
         for (size_t i = 0; i < t->radii; i++)
             sum += t->weight[i] * t->p[t->turns * i + j] * facing(convention, along * t->r[i]);
     }

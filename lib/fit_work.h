@@ -27,7 +27,7 @@ enum { FRESNEL_NODES = FIT_DIFFERENCES + 1 };
 enum { FRESNEL_TABLES = 4 * FACET_NDF_COUNT };
 
 struct fit_owned {
-    facet_slope_table *table[2], *compact_table[2];  /* without and with a diffuse part */
+    facet_slope_table *table[2], *compact_table[2];   /* without and with a diffuse part */
     facet_slope_table *turned_table, *compact_turned; /* over the azimuth */
     double *turned_log_d;                             /* FACET_FIT_ROWS rows of nodes */
     double compact_turned_log_d[FACET_FIT_ROWS / 2][FACET_FIT_COMPACT + 1];
@@ -52,7 +52,7 @@ struct fit_work {
     facet_roughness roughness; /* anisotropic: of the best model so far */
     double best_cost;          /* and what it leaves */
     double values[3][FIT_DIFFERENCES], *value[3];
-    struct fit_model diffuse; /* the best model with a diffuse part */
+    struct fit_model diffuse;        /* the best model with a diffuse part */
     double diffuse_cost, plain_cost; /* with a Fresnel table, with and without a diffuse part */
     facet_status status;
 };

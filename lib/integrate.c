@@ -42,13 +42,15 @@ static int outward(int i)
 static double rule_error(double caution, double difference, double spread, double magnitude)
 {
     double error = difference;
-    if (spread > 0 && difference > 0) error = spread * fmin(1, pow(caution * difference / spread, 1.5));
+    if (spread > 0 && difference > 0)
+        error = spread * fmin(1, pow(caution * difference / spread, 1.5));
     return fmax(error, ROUNDING * magnitude);
 }
 
 static facet_status measure(const struct integrate *rule, struct integrate_panel *panel)
 {
-    double at[INTEGRATE_POINTS], half = 0.5 * (panel->high - panel->low), middle = panel->low + half;
+    double at[INTEGRATE_POINTS], half = 0.5 * (panel->high - panel->low),
+                                 middle = panel->low + half;
     struct integral of[INTEGRATE_POINTS] = {{{0}, {0}}};
     for (int i = 0; i < INTEGRATE_POINTS; i++)
         at[i] = middle + (i < HALF ? -half : half) * nodes[outward(i)];
@@ -66,7 +68,8 @@ static facet_status measure(const struct integrate *rule, struct integrate_panel
         for (int i = 0; i < INTEGRATE_POINTS; i++)
             spread += kronrod[outward(i)] * fabs(of[i].value[v] - 0.5 * fine);
         panel->sum.value[v] = fine * half;
-        panel->sum.error[v] = half * (rule_error(caution, fabs(fine - coarse), spread, magnitude) + own);
+        panel->sum.error[v] = half *
+                              (rule_error(caution, fabs(fine - coarse), spread, magnitude) + own);
     }
     return status;
 }
@@ -83,7 +86,8 @@ static struct integral total(const struct integrate *rule, size_t count)
 }
 
 /* How far an error is from its target; at most 1: met. */
-static double excess(const struct integrate *rule, const struct integral *sum, const struct integral *of)
+static double excess(const struct integrate *rule, const struct integral *sum,
+                     const struct integral *of)
 {
     double worst = 0;
     for (size_t v = 0; v < rule->values; v++) {

@@ -33,7 +33,7 @@ struct integrate {
     double absolute[INTEGRATE_VALUES_MAX], relative;
     struct integrate_panel *panel; /* room for panels, at least the number of pieces */
     size_t panels;
-    bool is_smooth; /* no kinks between the breaks: the error is estimated less cautiously */
+    bool is_smooth;       /* no kinks between the breaks: the error is estimated less cautiously */
     const size_t *budget; /* refinement ends where this is 0; NULL: never */
 };
 

@@ -74,8 +74,8 @@ static void make_row(void *batch_, size_t k)
         facet_slope_rows_make(&f->rows, b->first, k);
         memcpy(at, f->rows.row[k].at, sizeof at);
     }
-    b->stored[k] =
-        facet_leadr_store_row(&f->store, f->summary->width[b->level], at, planes_of(f, b->level, k));
+    b->stored[k] = facet_leadr_store_row(&f->store, f->summary->width[b->level], at,
+                                         planes_of(f, b->level, k));
     facet_mip_rows_squeeze(&f->mip, b->level, b->first + k, at);
     if (b->level == f->summary->level_count - 1) note_mean(f, at);
     b->taken[k] = !f->sink || !f->sink->begin || sink_row(b, k);
@@ -91,8 +91,7 @@ static bool deliver(struct batch *b)
         f->overflow |= b->stored[k].overflow;
         if (!b->taken[k] || (f->sink && !f->sink->begin && !sink_row(b, k))) return false;
     }
-    return !f->sink || !f->sink->begin ||
-           f->sink->end(f->sink->user, b->level, b->first, b->count);
+    return !f->sink || !f->sink->begin || f->sink->end(f->sink->user, b->level, b->first, b->count);
 }
 
 /* Of rows from `first` on, those that may be one batch. */
@@ -173,8 +172,8 @@ static void summarize(const struct facet_slope_rows *rows, facet_leadr_summary *
     }
     if (rows->source->kind != FACET_HEIGHTS) return;
     for (int s = 0; s < FACET_STENCIL_COUNT; s++)
-        summary->has_stencil[s] =
-            facet_slope_rows_sums(rows, (facet_stencil)s, &summary->by_stencil[s]);
+        summary->has_stencil[s] = facet_slope_rows_sums(rows, (facet_stencil)s,
+                                                        &summary->by_stencil[s]);
 }
 
 static bool is_base(const facet_covariance *c)

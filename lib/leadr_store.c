@@ -98,8 +98,7 @@ static void stored_variance(const struct leadr_store *s, size_t n, const float *
     const bool raw = s->options->form == FACET_RAW, clean = s->plane_count == 3;
     for (size_t i = 0; i < n; i++) {
         const double a = r[i], b = r[stride + i], squares = a * a + b * b;
-        const double sum =
-            (double)r[2 * stride + i] + (clean ? 0 : (double)r[3 * stride + i]);
+        const double sum = (double)r[2 * stride + i] + (clean ? 0 : (double)r[3 * stride + i]);
         out[i] = raw ? sum - squares : sum;
     }
 }

@@ -69,9 +69,8 @@ facet_status facet_mip_rows_open(struct mip_rows *mip, size_t width, size_t heig
     mip->count = facet_mip_level_count(width, height);
     for (size_t i = 0; i < mip->count; i++) {
         struct mip_level *l = &mip->level[i];
-        *l = (struct mip_level){.width = facet_mip_side(width, i),
-                                .height = facet_mip_side(height, i),
-                                .batch = batch};
+        *l = (struct mip_level){
+            .width = facet_mip_side(width, i), .height = facet_mip_side(height, i), .batch = batch};
         /* The coarsest level whose texels do not straddle this one's; 0 may. */
         for (size_t p = i; p-- > 0 && !l->parent;)
             if (mip->level[p].width % l->width == 0 && mip->level[p].height % l->height == 0)
@@ -142,8 +141,8 @@ static size_t place_of(const struct line *l, size_t j)
         size_t a = 1, b = (n)-1;                                                                   \
         for (; a + 1 < b; a++, b--) inside += term(a) + term(b - 1);                               \
         if (a < b) inside += term(a);                                                              \
-        (total) =                                                                                  \
-            (((s)->low * term(0) + (s)->high * term((n)-1)) + (s)->whole * inside) / (s)->all;     \
+        (total) = (((s)->low * term(0) + (s)->high * term((n)-1)) + (s)->whole * inside) /         \
+                  (s)->all;                                                                        \
     } while (0)
 
 /* One texel from a span of texels in the planes of `from`. */
@@ -207,7 +206,8 @@ static double *held(const struct mip_level *l, size_t i)
 }
 
 /* The rows of a span, merged into `to`. */
-static void merge_rows(const struct mip_level *l, const struct span *s, double *const to[CENTRAL_COUNT])
+static void merge_rows(const struct mip_level *l, const struct span *s,
+                       double *const to[CENTRAL_COUNT])
 {
     const size_t n = l->width;
     const double *a = held(l, s->first), *b = held(l, s->last);

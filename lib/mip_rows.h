@@ -21,12 +21,12 @@ struct span {
 
 struct mip_level {
     size_t width, height;
-    size_t parent;              /* the level its texels are made of; level 0 has none */
-    size_t done;                /* rows finished */
-    size_t batch;               /* rows that one batch of level 0 finishes, at most */
-    struct span *columns;       /* over the parent's; NULL: pairs, or single columns */
-    size_t capacity;            /* rows of the parent held, squeezed to this width */
-    double *memory;             /* of the rows held, then of the rows finished */
+    size_t parent;        /* the level its texels are made of; level 0 has none */
+    size_t done;          /* rows finished */
+    size_t batch;         /* rows that one batch of level 0 finishes, at most */
+    struct span *columns; /* over the parent's; NULL: pairs, or single columns */
+    size_t capacity;      /* rows of the parent held, squeezed to this width */
+    double *memory;       /* of the rows held, then of the rows finished */
 };
 
 struct mip_rows {

@@ -135,9 +135,9 @@ facet_covariance facet_covariance_transform(const facet_covariance *c, double be
     if (magnitude) {
         const facet_covariance a = {c->xx, c->yy, fabs(c->xy)};
         const double x[2] = {fabs(ux), fabs(vx)}, y[2] = {fabs(uy), fabs(vy)};
-        *magnitude =
-            (facet_covariance){form(&a, x[0], x[1], x[0], x[1]), form(&a, y[0], y[1], y[0], y[1]),
-                               form(&a, x[0], x[1], y[0], y[1])};
+        *magnitude = (facet_covariance){form(&a, x[0], x[1], x[0], x[1]),
+                                        form(&a, y[0], y[1], y[0], y[1]),
+                                        form(&a, x[0], x[1], y[0], y[1])};
     }
     return (facet_covariance){form(c, ux, vx, ux, vx), form(c, uy, vy, uy, vy),
                               form(c, ux, vx, uy, vy)};

@@ -16,7 +16,8 @@ facet_status facet_roughness_check(const facet_roughness *r)
 {
     if (!(r->alpha_x >= FACET_ALPHA_MIN && r->alpha_x <= FACET_ALPHA_MAX)) return FACET_BAD_ALPHA;
     if (!(r->alpha_y >= FACET_ALPHA_MIN && r->alpha_y <= FACET_ALPHA_MAX)) return FACET_BAD_ALPHA;
-    if (!is_low(r->low.alpha_x, r->alpha_x) || !is_low(r->low.alpha_y, r->alpha_y)) return FACET_BAD_ALPHA;
+    if (!is_low(r->low.alpha_x, r->alpha_x) || !is_low(r->low.alpha_y, r->alpha_y))
+        return FACET_BAD_ALPHA;
     if (!(fabs(r->rho) <= FACET_RHO_MAX) || !is_low(r->low.rho, r->rho)) return FACET_BAD_RHO;
     if (!(fabs(r->slope_x) <= FACET_MEAN_SLOPE_MAX)) return FACET_BAD_MEAN_SLOPE;
     if (!(fabs(r->slope_y) <= FACET_MEAN_SLOPE_MAX)) return FACET_BAD_MEAN_SLOPE;
@@ -27,7 +28,7 @@ facet_status facet_roughness_check(const facet_roughness *r)
 
 static struct pair pair_of(double x)
 {
-    return (struct pair){ x, 0 };
+    return (struct pair){x, 0};
 }
 
 static struct pair pair_square(struct pair a)
@@ -42,9 +43,10 @@ static struct pair pair_square(struct pair a)
 static void sine_cosine(double phi, struct pair *sine, struct pair *cosine)
 {
     /* pi/2 as a sum of three doubles; |turns| <= 64 makes the last one's error 1e-47. */
-    static const double half_pi[3] = { 0x1.921fb54442d18p0, 0x1.1a62633145c07p-54, -0x1.f1976b7ed8fbcp-110 };
+    static const double half_pi[3] = {0x1.921fb54442d18p0, 0x1.1a62633145c07p-54,
+                                      -0x1.f1976b7ed8fbcp-110};
     double turns = rint(phi / half_pi[0]);
-    struct pair r = pair_of(phi), term = pair_of(1), sums[2] = { { 1, 0 }, { 0, 0 } };
+    struct pair r = pair_of(phi), term = pair_of(1), sums[2] = {{1, 0}, {0, 0}};
     for (int i = 0; i < 3; i++) r = pair_add(r, pair_product(pair_of(-turns), pair_of(half_pi[i])));
     for (int j = 1; j <= 30; j++) { /* (pi/4)^31/31! < 1e-36 */
         term = pair_quotient(pair_product(term, r), pair_of(j));
@@ -62,9 +64,10 @@ static void sine_cosine(double phi, struct pair *sine, struct pair *cosine)
 /* [xx xy; xy yy] = 2 Cov[x~, y~], whose eigenvalues are alpha_1^2 and alpha_2^2; xx and yy above 0. */
 static facet_roughness from_shape(struct pair xx, struct pair yy, struct pair xy)
 {
-    struct pair x = pair_square_root(xx), y = pair_square_root(yy), rho = pair_quotient(xy, pair_product(x, y));
-    return (facet_roughness){ .alpha_x = x.hi, .alpha_y = y.hi, .rho = rho.hi + 0.0,
-                              .low = { x.lo, y.lo, rho.lo } };
+    struct pair x = pair_square_root(xx), y = pair_square_root(yy),
+                rho = pair_quotient(xy, pair_product(x, y));
+    return (facet_roughness){
+        .alpha_x = x.hi, .alpha_y = y.hi, .rho = rho.hi + 0.0, .low = {x.lo, y.lo, rho.lo}};
 }
 
 /*
@@ -79,12 +82,14 @@ facet_status facet_roughness_from_ellipse(const facet_ellipse *e, double slope_x
     if (!(a2 >= FACET_ALPHA_MIN && a2 <= FACET_ALPHA_MAX)) return FACET_BAD_ALPHA;
     if (!(fabs(e->phi) <= FACET_PHI_MAX)) return FACET_BAD_PHI;
     if (a1 == a2) {
-        *r = (facet_roughness){ .alpha_x = a1, .alpha_y = a1 };
+        *r = (facet_roughness){.alpha_x = a1, .alpha_y = a1};
     } else {
         struct pair s, c, one = pair_of(a1), two = pair_of(a2);
         sine_cosine(e->phi, &s, &c);
-        struct pair xx = pair_add(pair_square(pair_product(one, c)), pair_square(pair_product(two, s)));
-        struct pair yy = pair_add(pair_square(pair_product(one, s)), pair_square(pair_product(two, c)));
+        struct pair xx = pair_add(pair_square(pair_product(one, c)),
+                                  pair_square(pair_product(two, s)));
+        struct pair yy = pair_add(pair_square(pair_product(one, s)),
+                                  pair_square(pair_product(two, c)));
         struct pair gap = pair_product(pair_sum(a2, -a1), pair_sum(a2, a1));
         *r = from_shape(xx, yy, pair_product(gap, pair_product(c, s)));
     }
@@ -93,8 +98,8 @@ facet_status facet_roughness_from_ellipse(const facet_ellipse *e, double slope_x
     return facet_roughness_check(r);
 }
 
-facet_status facet_roughness_from_covariance(const facet_covariance *c, double slope_x, double slope_y,
-                                             facet_roughness *r)
+facet_status facet_roughness_from_covariance(const facet_covariance *c, double slope_x,
+                                             double slope_y, facet_roughness *r)
 {
     if (!(c->xx > 0 && c->yy > 0 && isfinite(c->xx) && isfinite(c->yy))) return FACET_BAD_ALPHA;
     *r = from_shape(pair_of(2 * c->xx), pair_of(2 * c->yy), pair_of(2 * c->xy));
@@ -107,17 +112,17 @@ facet_status facet_roughness_from_covariance(const facet_covariance *c, double s
 
 static struct pair alpha_x_of(const facet_roughness *r)
 {
-    return (struct pair){ r->alpha_x, r->low.alpha_x };
+    return (struct pair){r->alpha_x, r->low.alpha_x};
 }
 
 static struct pair alpha_y_of(const facet_roughness *r)
 {
-    return (struct pair){ r->alpha_y, r->low.alpha_y };
+    return (struct pair){r->alpha_y, r->low.alpha_y};
 }
 
 static struct pair rho_of(const facet_roughness *r)
 {
-    return (struct pair){ r->rho, r->low.rho };
+    return (struct pair){r->rho, r->low.rho};
 }
 
 /* sqrt(1 - rho^2) */
@@ -130,15 +135,18 @@ static struct pair kappa_of(const facet_roughness *r)
 
 struct roughness_form facet_roughness_form(const facet_roughness *r)
 {
-    struct pair alpha_y = pair_product(alpha_y_of(r), pair_quotient(pair_of(r->alpha_x), alpha_x_of(r)));
-    return (struct roughness_form){ r->alpha_x, pair_product(rho_of(r), alpha_y), pair_product(kappa_of(r), alpha_y) };
+    struct pair alpha_y = pair_product(alpha_y_of(r),
+                                       pair_quotient(pair_of(r->alpha_x), alpha_x_of(r)));
+    return (struct roughness_form){r->alpha_x, pair_product(rho_of(r), alpha_y),
+                                   pair_product(kappa_of(r), alpha_y)};
 }
 
 /* sqrt(a^2 + b^2), not both 0. */
 static struct pair pair_hypotenuse(struct pair a, struct pair b)
 {
     double h = hypot(a.hi, b.hi);
-    struct pair rest = pair_add(pair_add(pair_square(a), pair_square(b)), pair_negative(pair_square(pair_of(h))));
+    struct pair rest = pair_add(pair_add(pair_square(a), pair_square(b)),
+                                pair_negative(pair_square(pair_of(h))));
     return pair_sum(h, rest.hi / (2 * h));
 }
 
@@ -151,14 +159,15 @@ facet_ellipse facet_roughness_to_ellipse(const facet_roughness *r)
     struct pair ax = alpha_x_of(r), ay = alpha_y_of(r), two = pair_of(2);
     struct pair difference = pair_product(pair_add(ax, pair_negative(ay)), pair_add(ax, ay));
     struct pair cross = pair_product(two, pair_product(rho_of(r), pair_product(ax, ay)));
-    if (difference.hi == 0 && cross.hi == 0) return (facet_ellipse){ r->alpha_x, r->alpha_y, 0 };
+    if (difference.hi == 0 && cross.hi == 0) return (facet_ellipse){r->alpha_x, r->alpha_y, 0};
     double phi = -0.5 * atan2(cross.hi, difference.hi);
-    if (r->rho == 0) return (facet_ellipse){ fmax(ax.hi, ay.hi), fmin(ax.hi, ay.hi), phi };
-    struct pair root = pair_hypotenuse(difference, cross), sum = pair_add(pair_square(ax), pair_square(ay));
+    if (r->rho == 0) return (facet_ellipse){fmax(ax.hi, ay.hi), fmin(ax.hi, ay.hi), phi};
+    struct pair root = pair_hypotenuse(difference, cross),
+                sum = pair_add(pair_square(ax), pair_square(ay));
     struct pair a1 = pair_square_root(pair_product(pair_add(sum, root), pair_of(0.5)));
     struct pair a2 = pair_quotient(pair_product(pair_product(ax, ay), kappa_of(r)), a1);
     struct pair s, c;
     sine_cosine(2 * phi, &s, &c);
     struct pair off = pair_add(pair_product(s, difference), pair_product(c, cross));
-    return (facet_ellipse){ a1.hi, a2.hi, phi - off.hi / (2 * root.hi) };
+    return (facet_ellipse){a1.hi, a2.hi, phi - off.hi / (2 * root.hi)};
 }

@@ -7,7 +7,7 @@
 const char *facet_sampler_name(facet_sampler sampler)
 {
 #define NAME(id, name) [FACET_SAMPLER_##id] = name,
-    static const char *const names[FACET_SAMPLER_COUNT] = { FACET_SAMPLER_MAP(NAME) };
+    static const char *const names[FACET_SAMPLER_COUNT] = {FACET_SAMPLER_MAP(NAME)};
 #undef NAME
     return (unsigned)sampler < FACET_SAMPLER_COUNT ? names[sampler] : NULL;
 }
@@ -38,7 +38,8 @@ bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
 static facet_sampler method_of(const facet_brdf *b, facet_sampler sampler)
 {
     if (sampler == FACET_SAMPLER_AUTO) return facet_sampler_auto(b->material.ndf);
-    return sampler == FACET_SAMPLER_BOUNDED && b->shape == KERNEL_SHEARED ? FACET_SAMPLER_CAPS : sampler;
+    return sampler == FACET_SAMPLER_BOUNDED && b->shape == KERNEL_SHEARED ? FACET_SAMPLER_CAPS
+                                                                          : sampler;
 }
 
 facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, facet_sampler *density)
@@ -48,8 +49,10 @@ facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, fac
     if (!facet_sampler_serves(sampler, b->material.ndf)) return FACET_UNSUPPORTED;
     facet_sampler method = method_of(b, sampler);
     bool own_table = method == FACET_SAMPLER_TABLE && b->material.ndf == FACET_TABULATED;
-    if (method == FACET_SAMPLER_TABLE && !own_table && !facet_table_of(b->material.ndf)) return FACET_NO_MEMORY;
-    if (method != FACET_SAMPLER_CAPS && method != FACET_SAMPLER_SLOPE && !own_table) *density = method;
+    if (method == FACET_SAMPLER_TABLE && !own_table && !facet_table_of(b->material.ndf))
+        return FACET_NO_MEMORY;
+    if (method != FACET_SAMPLER_CAPS && method != FACET_SAMPLER_SLOPE && !own_table)
+        *density = method;
     return FACET_OK;
 }
 
@@ -58,7 +61,8 @@ struct drawn {
     const facet_brdf *brdf;
     facet_tier tier;
     struct kernel_surface surface;
-    facet_sampler method, density; /* what draws, and whose density the weight is divided by (batch.h) */
+    facet_sampler method,
+        density; /* what draws, and whose density the weight is divided by (batch.h) */
     struct array wo[3], u[2];
     struct array wi[3], h[3], weight[3], pdf; /* h, weight, pdf NULL: not computed */
 };
@@ -72,7 +76,8 @@ struct drawn {
 /* Beyond it doubles are drawn as such; arrays of floats have that rounding anyway. */
 static facet_tier drawing_tier(const struct drawn *d)
 {
-    bool exact = d->tier == FACET_FAST && d->wo[0].io == KERNEL_DOUBLE && d->method != FACET_SAMPLER_COSINE && d->surface.mean > LARGEST_MEAN;
+    bool exact = d->tier == FACET_FAST && d->wo[0].io == KERNEL_DOUBLE &&
+                 d->method != FACET_SAMPLER_COSINE && d->surface.mean > LARGEST_MEAN;
     return facet_batch_tier(d->brdf, exact ? FACET_EXACT32 : d->tier);
 }
 
@@ -80,7 +85,8 @@ static facet_tier drawing_tier(const struct drawn *d)
 static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 {
     const struct kernel_table *table = d->surface.table;
-    kernel_sample_fn *of_table = facet_table_draw(d->method, table && facet_slope_table_is_turned(table));
+    kernel_sample_fn *of_table = facet_table_draw(d->method,
+                                                  table && facet_slope_table_is_turned(table));
     if (of_table && table) {
         *io = KERNEL_DOUBLE;
         return of_table;
@@ -95,9 +101,10 @@ static kernel_sample_fn *find_draw(const struct drawn *d, enum kernel_io *io)
 }
 
 /* Both say how many are to be made again, and which of the n. */
-static size_t draw_in_place(const struct drawn *d, kernel_sample_fn *sample, size_t start, size_t n, size_t again[BLOCK])
+static size_t draw_in_place(const struct drawn *d, kernel_sample_fn *sample, size_t start, size_t n,
+                            size_t again[BLOCK])
 {
-    struct kernel_job job = { .sampled_pdf = facet_array_at(d->pdf, start).data, .again = again };
+    struct kernel_job job = {.sampled_pdf = facet_array_at(d->pdf, start).data, .again = again};
     for (int j = 0; j < 3; j++) {
         job.wo[j] = facet_array_at(d->wo[j], start).data;
         job.sampled_wi[j] = facet_array_at(d->wi[j], start).data;
@@ -107,11 +114,11 @@ static size_t draw_in_place(const struct drawn *d, kernel_sample_fn *sample, siz
     return sample(&d->surface, &job, n);
 }
 
-static size_t draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum kernel_io io, size_t start, size_t n,
-                          size_t again[BLOCK])
+static size_t draw_staged(const struct drawn *d, kernel_sample_fn *sample, enum kernel_io io,
+                          size_t start, size_t n, size_t again[BLOCK])
 {
     double wo[3][BLOCK], u[2][BLOCK], wi[3][BLOCK], h[3][BLOCK], pdf[BLOCK];
-    struct kernel_job job = { .sampled_pdf = d->pdf.data ? pdf : NULL, .again = again };
+    struct kernel_job job = {.sampled_pdf = d->pdf.data ? pdf : NULL, .again = again};
     for (int j = 0; j < 3; j++) {
         job.wo[j] = facet_stage(facet_array_at(d->wo[j], start), io, n, j == 2, wo[j]);
         job.sampled_wi[j] = wi[j];
@@ -134,9 +141,10 @@ static void redraw(const struct drawn *d, size_t start, const size_t at[BLOCK], 
     double in[5][BLOCK], out[7][BLOCK];
     size_t none[BLOCK];
     enum kernel_io io;
-    struct drawn again = { .brdf = d->brdf, .tier = FACET_EXACT32, .surface = d->surface, .method = d->method };
-    struct array from[5] = { d->wo[0], d->wo[1], d->wo[2], d->u[0], d->u[1] };
-    struct array to[7] = { d->wi[0], d->wi[1], d->wi[2], d->h[0], d->h[1], d->h[2], d->pdf };
+    struct drawn again = {
+        .brdf = d->brdf, .tier = FACET_EXACT32, .surface = d->surface, .method = d->method};
+    struct array from[5] = {d->wo[0], d->wo[1], d->wo[2], d->u[0], d->u[1]};
+    struct array to[7] = {d->wi[0], d->wi[1], d->wi[2], d->h[0], d->h[1], d->h[2], d->pdf};
     for (int j = 0; j < 3; j++) {
         again.wo[j] = facet_doubles(in[j]);
         again.wi[j] = facet_doubles(out[j]);
@@ -153,13 +161,14 @@ static void redraw(const struct drawn *d, size_t start, const size_t at[BLOCK], 
     }
     draw_in_place(&again, sample, 0, facet_padded(count), none);
     for (int j = 0; j < 7; j++)
-        for (size_t k = 0; to[j].data && k < count; k++) facet_array_put(to[j], start + at[k], out[j][k]);
+        for (size_t k = 0; to[j].data && k < count; k++)
+            facet_array_put(to[j], start + at[k], out[j][k]);
 }
 
 /* The weight is that of the wi handed out: whoever evaluates there finds the same number. */
 static void weigh(const struct drawn *d, size_t start, size_t n)
 {
-    struct batch batch = { .brdf = d->brdf, .tier = d->tier, .sampler = d->density };
+    struct batch batch = {.brdf = d->brdf, .tier = d->tier, .sampler = d->density};
     for (int j = 0; j < 3; j++) {
         batch.wi[j] = facet_array_at(d->wi[j], start);
         batch.wo[j] = facet_array_at(d->wo[j], start);
@@ -171,7 +180,8 @@ static void weigh(const struct drawn *d, size_t start, size_t n)
 static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
 {
     enum kernel_io io;
-    if ((unsigned)d->tier >= FACET_TIER_COUNT || !facet_sampler_serves(sampler, d->brdf->material.ndf))
+    if ((unsigned)d->tier >= FACET_TIER_COUNT ||
+        !facet_sampler_serves(sampler, d->brdf->material.ndf))
         return FACET_UNSUPPORTED;
     d->method = method_of(d->brdf, sampler);
     facet_status status = facet_batch_sampler(d->brdf, sampler, &d->density);
@@ -179,10 +189,12 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     d->surface = d->brdf->surface;
     /* What arrays of floats round away is not made again. */
     if (d->wo[0].io == KERNEL_FLOAT && d->surface.mean > LARGEST_MEAN) d->surface.mean = 0;
-    if (d->density == FACET_SAMPLER_TABLE) d->surface.table = &facet_table_of(d->brdf->material.ndf)->view;
+    if (d->density == FACET_SAMPLER_TABLE)
+        d->surface.table = &facet_table_of(d->brdf->material.ndf)->view;
     const facet_slope_table *own = d->brdf->material.table;
     bool is_turned = d->surface.table && facet_slope_table_is_turned(d->surface.table);
-    if (is_turned && d->method != FACET_SAMPLER_COSINE && !facet_slope_table_rays(own)) return FACET_NO_MEMORY;
+    if (is_turned && d->method != FACET_SAMPLER_COSINE && !facet_slope_table_rays(own))
+        return FACET_NO_MEMORY;
     kernel_sample_fn *sample = find_draw(d, &io);
     if (!sample) return FACET_UNSUPPORTED;
     for (size_t start = 0; start < n;) {
@@ -201,16 +213,20 @@ static facet_status draw(struct drawn *d, facet_sampler sampler, size_t n)
     return FACET_OK;
 }
 
-facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wo,
-                          const double *u1, const double *u2, size_t n, const facet_samples *out)
+facet_status facet_sample(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                          facet_vec3_in wo, const double *u1, const double *u2, size_t n,
+                          const facet_samples *out)
 {
-    struct drawn d = { .brdf = brdf, .tier = tier,
-                       .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) },
-                       .u = { facet_doubles(u1), facet_doubles(u2) },
-                       .wi = { facet_doubles(out->wi.x), facet_doubles(out->wi.y), facet_doubles(out->wi.z) },
-                       .h = { facet_doubles(out->h.x), facet_doubles(out->h.y), facet_doubles(out->h.z) },
-                       .weight = { facet_doubles(out->weight[0]), facet_doubles(out->weight[1]), facet_doubles(out->weight[2]) },
-                       .pdf = facet_doubles(out->pdf) };
+    struct drawn d = {
+        .brdf = brdf,
+        .tier = tier,
+        .wo = {facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z)},
+        .u = {facet_doubles(u1), facet_doubles(u2)},
+        .wi = {facet_doubles(out->wi.x), facet_doubles(out->wi.y), facet_doubles(out->wi.z)},
+        .h = {facet_doubles(out->h.x), facet_doubles(out->h.y), facet_doubles(out->h.z)},
+        .weight = {facet_doubles(out->weight[0]), facet_doubles(out->weight[1]),
+                   facet_doubles(out->weight[2])},
+        .pdf = facet_doubles(out->pdf)};
     return draw(&d, sampler, n);
 }
 
@@ -218,13 +234,16 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_s
                                 facet_vec3_in_float wo, const float *u1, const float *u2, size_t n,
                                 const facet_samples_float *out)
 {
-    struct drawn d = { .brdf = brdf, .tier = tier,
-                       .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) },
-                       .u = { facet_floats(u1), facet_floats(u2) },
-                       .wi = { facet_floats(out->wi.x), facet_floats(out->wi.y), facet_floats(out->wi.z) },
-                       .h = { facet_floats(out->h.x), facet_floats(out->h.y), facet_floats(out->h.z) },
-                       .weight = { facet_floats(out->weight[0]), facet_floats(out->weight[1]), facet_floats(out->weight[2]) },
-                       .pdf = facet_floats(out->pdf) };
+    struct drawn d = {
+        .brdf = brdf,
+        .tier = tier,
+        .wo = {facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z)},
+        .u = {facet_floats(u1), facet_floats(u2)},
+        .wi = {facet_floats(out->wi.x), facet_floats(out->wi.y), facet_floats(out->wi.z)},
+        .h = {facet_floats(out->h.x), facet_floats(out->h.y), facet_floats(out->h.z)},
+        .weight = {facet_floats(out->weight[0]), facet_floats(out->weight[1]),
+                   facet_floats(out->weight[2])},
+        .pdf = facet_floats(out->pdf)};
     return draw(&d, sampler, n);
 }
 
@@ -239,20 +258,22 @@ static facet_status density(struct batch *b, facet_sampler sampler, struct array
     return FACET_OK;
 }
 
-facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in wi,
-                       facet_vec3_in wo, size_t n, double *pdf)
+facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                       facet_vec3_in wi, facet_vec3_in wo, size_t n, double *pdf)
 {
-    struct batch batch = { .brdf = brdf, .tier = tier,
-                           .wi = { facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z) },
-                           .wo = { facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z) } };
+    struct batch batch = {.brdf = brdf,
+                          .tier = tier,
+                          .wi = {facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z)},
+                          .wo = {facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z)}};
     return density(&batch, sampler, facet_doubles(pdf), n);
 }
 
-facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler, facet_vec3_in_float wi,
-                             facet_vec3_in_float wo, size_t n, float *pdf)
+facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                             facet_vec3_in_float wi, facet_vec3_in_float wo, size_t n, float *pdf)
 {
-    struct batch batch = { .brdf = brdf, .tier = tier,
-                           .wi = { facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z) },
-                           .wo = { facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z) } };
+    struct batch batch = {.brdf = brdf,
+                          .tier = tier,
+                          .wi = {facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z)},
+                          .wo = {facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z)}};
     return density(&batch, sampler, facet_floats(pdf), n);
 }

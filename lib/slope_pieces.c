@@ -41,8 +41,8 @@ static bool add_piece(struct cutter *cutter, size_t cell, double u0, double u1)
     for (size_t i = 0; i < PIECE_POINTS; i++) {
         double u = u0 + (u1 - u0) * to->node[i];
         piece->r[i] = ring_slope(to->scale, u);
-        piece->weight[i] =
-            (u1 - u0) * to->gauss[i] * ring_density(to->scale, ring_log_q(to->log_q, cell, u), u);
+        piece->weight[i] = (u1 - u0) * to->gauss[i] *
+                           ring_density(to->scale, ring_log_q(to->log_q, cell, u), u);
     }
     return true;
 }

@@ -63,7 +63,8 @@ static double area_of_piece(const struct slope_view *view, size_t p)
 {
     const struct slope_pieces *pieces = view->pieces;
     const struct slope_piece *piece = &pieces->piece[p];
-    double r0 = ring_slope(pieces->scale, piece->u0), r1 = ring_slope(pieces->scale, piece->u1), sum = 0;
+    double r0 = ring_slope(pieces->scale, piece->u0), r1 = ring_slope(pieces->scale, piece->u1),
+           sum = 0;
     if (r0 - view->v < r1 - r0) return area_between(view, p, fmax(piece->u0, view->uv), piece->u1);
     for (size_t i = 0; i < PIECE_POINTS; i++) {
         double r = piece->r[i];
@@ -77,7 +78,8 @@ static double area_beyond(const struct slope_view *view, size_t p)
 {
     const struct slope_pieces *pieces = view->pieces;
     if (p >= pieces->count) return 0;
-    return view->front * pieces->piece[p].mass + view->s * facet_slope_pieces_far(pieces, p, view->v);
+    return view->front * pieces->piece[p].mass +
+           view->s * facet_slope_pieces_far(pieces, p, view->v);
 }
 
 /* ---- Inversion ------------------------------------------------------------------------- */
@@ -92,15 +94,18 @@ struct stretch {
 
 static double amount(const struct slope_pieces *pieces, const struct stretch *at, double step)
 {
-    double a = at->from_above ? at->high - step : at->low, e = at->from_above ? at->high : at->low + step;
-    return at->view ? area_between(at->view, at->piece, a, e) : mass_between(pieces, at->piece, a, e);
+    double a = at->from_above ? at->high - step : at->low,
+           e = at->from_above ? at->high : at->low + step;
+    return at->view ? area_between(at->view, at->piece, a, e)
+                    : mass_between(pieces, at->piece, a, e);
 }
 
 static double amount_slope(const struct slope_pieces *pieces, const struct stretch *at, double step)
 {
     double u = at->from_above ? at->high - step : at->low + step;
     if (at->view) return density_at(at->view, at->piece, u);
-    return ring_density(pieces->scale, ring_log_q(pieces->log_q, pieces->piece[at->piece].cell, u), u);
+    return ring_density(pieces->scale, ring_log_q(pieces->log_q, pieces->piece[at->piece].cell, u),
+                        u);
 }
 
 /*
@@ -118,8 +123,10 @@ static double step_to(const struct slope_pieces *pieces, const struct stretch *a
     double step = high * (wanted / all);
     for (int i = 0; i < STEPS && high > low; i++) {
         double error = amount(pieces, at, step) - wanted, slope = amount_slope(pieces, at, step);
-        if (error > 0) high = step;
-        else low = step;
+        if (error > 0)
+            high = step;
+        else
+            low = step;
         double next = step - error / slope;
         if (fabs(next - step) <= STEP_ENOUGH * step) return fmax(low, fmin(high, next));
         if (!(next > low && next < high)) next = low + (high - low) / 2;
@@ -129,7 +136,8 @@ static double step_to(const struct slope_pieces *pieces, const struct stretch *a
     return step;
 }
 
-static struct slope_place place_in(const struct slope_pieces *pieces, const struct stretch *at, double wanted)
+static struct slope_place place_in(const struct slope_pieces *pieces, const struct stretch *at,
+                                   double wanted)
 {
     double step = step_to(pieces, at, wanted);
     struct slope_place place;
@@ -145,8 +153,10 @@ static struct slope_place any_from_above(const struct slope_pieces *pieces, doub
     size_t low = 0, high = pieces->count; /* the last piece with that mass from it on */
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
-        if (pieces->piece[middle].mass >= wanted) low = middle;
-        else high = middle;
+        if (pieces->piece[middle].mass >= wanted)
+            low = middle;
+        else
+            high = middle;
     }
     const struct slope_piece *piece = &pieces->piece[low];
     struct stretch at = {NULL, low, piece->u0, piece->u1, true};
@@ -158,8 +168,10 @@ static struct slope_place any_from_below(const struct slope_pieces *pieces, doub
     size_t low = 0, high = pieces->count; /* the last piece with less than that below it */
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
-        if (pieces->piece[middle].below <= wanted) low = middle;
-        else high = middle;
+        if (pieces->piece[middle].below <= wanted)
+            low = middle;
+        else
+            high = middle;
     }
     const struct slope_piece *piece = &pieces->piece[low];
     struct stretch at = {NULL, low, piece->u0, piece->u1, false};
@@ -170,7 +182,8 @@ struct slope_place facet_slope_any_ring(const struct slope_pieces *pieces, struc
 {
     /* The pieces' own mass is 1 to rounding. */
     double mass = pieces->piece[0].mass;
-    return share.u < 0.5 ? any_from_below(pieces, share.u * mass) : any_from_above(pieces, share.rest * mass);
+    return share.u < 0.5 ? any_from_below(pieces, share.u * mass)
+                         : any_from_above(pieces, share.rest * mass);
 }
 
 double facet_slope_quantile_gain(const struct slope_pieces *pieces)
@@ -182,8 +195,10 @@ double facet_slope_quantile_gain(const struct slope_pieces *pieces)
         double above = piece->mass, width = piece->u1 - piece->u0, inside = 0;
         for (size_t i = 0; i < PIECE_POINTS; i++) inside += piece->weight[i];
         for (size_t i = 0; i < PIECE_POINTS && inside > least; i++) {
-            double u = piece->u0 + width * pieces->node[i], turn = b / ((1 - u) * (1 - u) + b * u * (b * u));
-            worst = fmax(worst, fmin(below + inside, above) * turn * width * pieces->gauss[i] / piece->weight[i]);
+            double u = piece->u0 + width * pieces->node[i],
+                   turn = b / ((1 - u) * (1 - u) + b * u * (b * u));
+            worst = fmax(worst, fmin(below + inside, above) * turn * width * pieces->gauss[i] /
+                                    piece->weight[i]);
         }
         below += inside;
     }
@@ -203,8 +218,10 @@ static struct slope_place far_from_above(const struct slope_view *view, double w
     size_t low = view->far, high = view->pieces->count;
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
-        if (area_beyond(view, middle) >= wanted) low = middle;
-        else high = middle;
+        if (area_beyond(view, middle) >= wanted)
+            low = middle;
+        else
+            high = middle;
     }
     struct stretch at = above_v(view, low, true);
     return place_in(view->pieces, &at, wanted - area_beyond(view, low + 1));
@@ -216,8 +233,10 @@ static size_t span_of(const struct slope_view *view, double wanted, bool from_ab
     size_t low = 0, high = view->spans;
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
-        if (from_above ? view->after[middle] >= wanted : view->before[middle] <= wanted) low = middle;
-        else high = middle;
+        if (from_above ? view->after[middle] >= wanted : view->before[middle] <= wanted)
+            low = middle;
+        else
+            high = middle;
     }
     return low;
 }
@@ -230,7 +249,8 @@ static size_t span_start(const struct slope_view *view, size_t span)
 
 static struct slope_place seen_from_above(const struct slope_view *view, double wanted)
 {
-    if (view->far < view->pieces->count && wanted <= view->after[view->spans]) return far_from_above(view, wanted);
+    if (view->far < view->pieces->count && wanted <= view->after[view->spans])
+        return far_from_above(view, wanted);
     size_t last = view->pieces->count - 1, p = last;
     double left = 0;
     if (view->spans) {
@@ -247,10 +267,12 @@ static struct slope_place seen_from_above(const struct slope_view *view, double 
 }
 
 /* `wanted` of the visible rings from v on lies below, `otherwise` above. */
-static struct slope_place seen_from_below(const struct slope_view *view, double wanted, double otherwise)
+static struct slope_place seen_from_below(const struct slope_view *view, double wanted,
+                                          double otherwise)
 {
     if (!view->spans || wanted > view->before[view->spans]) return seen_from_above(view, otherwise);
-    size_t span = span_of(view, wanted, false), p = span_start(view, span), end = span_start(view, span + 1);
+    size_t span = span_of(view, wanted, false), p = span_start(view, span),
+           end = span_start(view, span + 1);
     wanted -= view->before[span];
     for (; p + 1 < end; p++) {
         double here = area_of_piece(view, p);
@@ -267,7 +289,8 @@ struct slope_place facet_slope_ring(const struct slope_view *view, struct slope_
     if (below < view->lit) {
         if (share.u < 0.5) return any_from_below(view->pieces, below / view->front);
         /* What is seen in full counts front; what of that lies above. */
-        double mass = view->pieces->piece[0].mass * view->front, beyond = view->after[0] - (mass - view->lit);
+        double mass = view->pieces->piece[0].mass * view->front,
+               beyond = view->after[0] - (mass - view->lit);
         return any_from_above(view->pieces, fmax((above - beyond) / view->front, 0));
     }
     if (share.u < 0.5) return seen_from_below(view, below - view->lit, above);
@@ -281,8 +304,10 @@ static size_t first_above(const struct slope_pieces *pieces, double limit, bool 
     while (low < high) {
         size_t middle = low + (high - low) / 2;
         const struct slope_piece *piece = &pieces->piece[middle];
-        if (ring_slope(pieces->scale, whole ? piece->u0 : piece->u1) >= limit) high = middle;
-        else low = middle + 1;
+        if (ring_slope(pieces->scale, whole ? piece->u0 : piece->u1) >= limit)
+            high = middle;
+        else
+            low = middle + 1;
     }
     return low;
 }
@@ -303,14 +328,16 @@ static void sum_spans(struct slope_view *view)
     view->spans = (pieces + view->stride - 1) / view->stride;
     for (size_t i = 0; i < view->spans; i++) {
         view->after[i] = 0;
-        for (size_t p = span_start(view, i); p < span_start(view, i + 1); p++) view->after[i] += area_of_piece(view, p);
+        for (size_t p = span_start(view, i); p < span_start(view, i + 1); p++)
+            view->after[i] += area_of_piece(view, p);
         view->before[i + 1] = view->before[i] + view->after[i];
     }
     view->after[view->spans] = area_beyond(view, view->far);
     for (size_t i = view->spans; i-- > 0;) view->after[i] += view->after[i + 1];
 }
 
-void facet_slope_view(const struct slope_pieces *pieces, double c, double s, struct slope_view *view)
+void facet_slope_view(const struct slope_pieces *pieces, double c, double s,
+                      struct slope_view *view)
 {
     double b = pieces->scale;
     *view = (struct slope_view){.pieces = pieces, .c = c, .s = s, .front = fmax(c, 0)};
@@ -333,7 +360,10 @@ static double minus_sine(double d, double sine)
 {
     double d2 = d * d;
     if (d2 > 0.25) return d - sine;
-    return d * d2 * (1. / 6 - d2 * (1. / 120 - d2 * (1. / 5040 - d2 * (1. / 362880 - d2 * (1. / 39916800 - d2 / 6227020800)))));
+    return d * d2 *
+           (1. / 6 -
+            d2 * (1. / 120 -
+                  d2 * (1. / 5040 - d2 * (1. / 362880 - d2 * (1. / 39916800 - d2 / 6227020800)))));
 }
 
 /*

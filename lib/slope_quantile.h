@@ -16,18 +16,20 @@ enum { VIEW_SPANS = 64 };
 struct slope_view {
     const struct slope_pieces *pieces;
     double c, s;
-    double front;    /* max(c, 0) */
-    double v, uv;    /* |c|/s, where rings begin to be seen in part, and its u; INFINITY and 1 for s = 0 */
-    double rest_v;   /* 1 - uv */
-    double lit;      /* front times the mass of the rings r < v */
-    double sigma;    /* of the whole: that of the pieces, no table */
+    double front; /* max(c, 0) */
+    double v,
+        uv; /* |c|/s, where rings begin to be seen in part, and its u; INFINITY and 1 for s = 0 */
+    double rest_v;    /* 1 - uv */
+    double lit;       /* front times the mass of the rings r < v */
+    double sigma;     /* of the whole: that of the pieces, no table */
     size_t near, far; /* the piece that holds v, or the first above it; the first with r >= 2 v */
     /* The pieces between them in spans of `stride`: visible area before each, and of it and what follows. */
     size_t stride, spans;
     double before[VIEW_SPANS + 1], after[VIEW_SPANS + 1];
 };
 
-void facet_slope_view(const struct slope_pieces *pieces, double c, double s, struct slope_view *view);
+void facet_slope_view(const struct slope_pieces *pieces, double c, double s,
+                      struct slope_view *view);
 
 /* A number u in [0, 1) and 1 - u, of which neither is a difference with few digits left. */
 struct slope_share {
@@ -42,7 +44,8 @@ struct slope_place {
 struct slope_place facet_slope_ring(const struct slope_view *view, struct slope_share share);
 
 /* All rings, seen or not. */
-struct slope_place facet_slope_any_ring(const struct slope_pieces *pieces, struct slope_share share);
+struct slope_place facet_slope_any_ring(const struct slope_pieces *pieces,
+                                        struct slope_share share);
 
 /*
  * What an error of a share, relative to it and to 1 - it, makes of the angle of a ring: the

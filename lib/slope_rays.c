@@ -47,9 +47,9 @@ struct slope_rays *facet_slope_rays_create(const struct kernel_table *table, siz
         double *mass = rays->mass + j * knots, *moment = rays->moment + j * knots;
         mass[0] = moment[0] = 0;
         for (size_t i = 0; i < cells; i++) {
-            struct ray_sums sums =
-                integrate(table, (double)j / (double)rows, (double)i / (double)cells,
-                          ((double)i + 1) / (double)cells);
+            struct ray_sums sums = integrate(table, (double)j / (double)rows,
+                                             (double)i / (double)cells,
+                                             ((double)i + 1) / (double)cells);
             mass[i + 1] = mass[i] + sums.mass;
             moment[i + 1] = moment[i] + sums.moment;
         }
@@ -88,8 +88,8 @@ static double along_row(const struct slope_ray_view *v, size_t k)
     const double *mass = rays->mass + row * knots, *moment = rays->moment + row * knots;
     if (end >= 1) return v->c * mass[rays->cells] + g * moment[rays->cells];
     size_t i = cell_of(rays, end);
-    struct ray_sums last =
-        integrate(v->table, azimuth_of(turn), (double)i / (double)rays->cells, end);
+    struct ray_sums last = integrate(v->table, azimuth_of(turn), (double)i / (double)rays->cells,
+                                     end);
     return v->c * (mass[i] + last.mass) + g * (moment[i] + last.moment);
 }
 

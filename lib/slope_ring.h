@@ -40,8 +40,8 @@ static inline struct ring ring_seen(double r, double rest)
 {
     double t = 2 * asin(sqrt(rest / 2)), t2 = t * t, bracket;
     if (t < 0.3)
-        bracket =
-            t * t2 * (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
+        bracket = t * t2 *
+                  (1. / 3 - t2 * (1. / 30 - t2 * (1. / 840 - t2 * (1. / 45360 - t2 / 3991680))));
     else
         bracket = sqrt(rest * (2 - rest)) - t * (1 - rest);
     return (struct ring){r * bracket / FACET_PI, -t / FACET_PI};

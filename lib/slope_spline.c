@@ -102,7 +102,8 @@ static double newton_at(const double c[POINTS], double x, double *derivative)
 }
 
 /* The cell in the middle, with the values `ends`, as cubics with the polynomial's values and derivatives. */
-static void cut_polynomial(const double newton_form[POINTS], const double ends[2], size_t parts, double *c)
+static void cut_polynomial(const double newton_form[POINTS], const double ends[2], size_t parts,
+                           double *c)
 {
     double h = 1 / (double)parts, y0 = ends[0], y1, m0, m1;
     newton_at(newton_form, BEFORE, &m0);
@@ -158,7 +159,8 @@ size_t facet_slope_parts(const double *y, size_t n)
 }
 
 /* Nodes without a break between them. */
-static void tabulate_stretch(const double *y, size_t n, const double *first, size_t parts, double *c, double *work)
+static void tabulate_stretch(const double *y, size_t n, const double *first, size_t parts,
+                             double *c, double *work)
 {
     double *m = work, *rest = work + n, cubic[4], polynomial[POINTS];
     spline_slopes(y, n, first, m, rest);
@@ -176,7 +178,8 @@ static void tabulate_stretch(const double *y, size_t n, const double *first, siz
 }
 
 /* Between the breaks; ramps across them: a spline across would ring far into both sides. */
-void facet_slope_spline(const double *y, size_t n, size_t parts, const double *first, double *c, double *work)
+void facet_slope_spline(const double *y, size_t n, size_t parts, const double *first, double *c,
+                        double *work)
 {
     double ramp[4];
     for (size_t start = 0, end; start < n; start = end + 1) {

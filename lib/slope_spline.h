@@ -44,6 +44,7 @@ size_t facet_slope_parts(const double *y, size_t n);
 #define SLOPE_LOG_Q_START 4.0
 
 /* Coefficients of (n - 1) parts cubics.  first: the derivative, per cell, at the first node; NULL: unknown.  work holds 2 n. */
-void facet_slope_spline(const double *y, size_t n, size_t parts, const double *first, double *c, double *work);
+void facet_slope_spline(const double *y, size_t n, size_t parts, const double *first, double *c,
+                        double *work);
 
 #endif

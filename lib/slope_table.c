@@ -171,8 +171,8 @@ static facet_status fill(facet_slope_table *table, const double *log_d, size_t n
     table->view.log_q = (struct kernel_cubic){c, cells};
     for (int pass = 0; pass < 2; pass++) { /* pass 0 finds the norm */
         facet_slope_spline(y, n, parts, &first, c, rest);
-        facet_status status =
-            facet_slope_pieces_create(table->view.slope_scale, table->view.log_q, pieces);
+        facet_status status = facet_slope_pieces_create(table->view.slope_scale, table->view.log_q,
+                                                        pieces);
         if (status != FACET_OK) return status;
         if (pass == 1) break;
         double norm = pieces->piece[0].mass;
@@ -191,8 +191,8 @@ facet_status facet_slope_table_create(double scale, const double *log_d, size_t 
     *table = NULL;
     if (n < FACET_TABLE_NODES_MIN || n > FACET_TABLE_NODES_MAX) return FACET_BAD_SIZE;
     if (!facet_slope_nodes_valid(scale, log_d, n)) return FACET_BAD_TABLE;
-    facet_slope_table *made =
-        calloc(1, sizeof *made + 4 * (SLOPE_PARTS_MAX * (n - 1) + PSI_CELLS_MAX) * sizeof(double));
+    facet_slope_table *made = calloc(
+        1, sizeof *made + 4 * (SLOPE_PARTS_MAX * (n - 1) + PSI_CELLS_MAX) * sizeof(double));
     double *work = malloc((3 * n + 4 * (PSI_CELLS_MAX + 1)) * sizeof *work);
     facet_status status = FACET_NO_MEMORY;
     if (made && work) {

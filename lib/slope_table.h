@@ -15,17 +15,17 @@
  * measured halfway between the nodes of log_psi when the table is made.
  */
 struct facet_slope_table {
-    struct kernel_table view; /* first: what a kernel holds is the table */
+    struct kernel_table view;   /* first: what a kernel holds is the table */
     struct slope_pieces pieces; /* of log_q; sampling inverts their sums */
-    double sigma_error;    /* of sigma(k), relative, c >= 0 */
-    double psi_error;      /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
-    double log_q_max;      /* largest |log_q| where it matters, that is, above log(FACET_FLOOR) */
-    double log_q_slope;    /* largest |d log_q / du| there: what rounding of u costs */
-    double quantile_gain;  /* slope_quantile.h */
+    double sigma_error;         /* of sigma(k), relative, c >= 0 */
+    double psi_error;           /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
+    double log_q_max;     /* largest |log_q| where it matters, that is, above log(FACET_FLOOR) */
+    double log_q_slope;   /* largest |d log_q / du| there: what rounding of u costs */
+    double quantile_gain; /* slope_quantile.h */
     /* Of a table that is not radial, whose pieces are empty: */
-    double turned_gain;                  /* slope_turned.h's gain */
+    double turned_gain;                /* slope_turned.h's gain */
     _Atomic(struct slope_rays *) rays; /* for sampling; NULL until it is asked for */
-    double coefficients[]; /* of log_q, then of log_psi */
+    double coefficients[];             /* of log_q, then of log_psi */
 };
 
 static inline bool facet_slope_table_is_turned(const struct kernel_table *view)

@@ -89,8 +89,8 @@ static facet_status measure_psi(facet_slope_table *table, double *y)
         double azimuth = ((double)j + 0.5) / (double)sheet.turns;
         for (size_t i = 0; i < sheet.cells; i += SLOPE_CHECK_STRIDE) {
             double u = ((double)i + 0.5) / (double)sheet.cells, w = 1 - u;
-            double x =
-                y[j * (sheet.cells + 1) + i] / table->view.slope_scale; /* S = 1, |c| = u/w */
+            double x = y[j * (sheet.cells + 1) + i] /
+                       table->view.slope_scale; /* S = 1, |c| = u/w */
             double error = fabs(w * exp(slope_sheet_at(sheet, u, azimuth)) - x);
             table->sigma_error = fmax(table->sigma_error, error / (u / w + x));
         }

@@ -64,8 +64,8 @@ static void measure_gain(struct plane *p, const struct patch *patch, size_t i)
             double u = ((double)i + m / (LOOKS - 1.)) / (double)sheet.cells, y = patch->y[k][m];
             if (y < p->peak + log(FACET_FLOOR)) continue;
             if (m)
-                p->sums.gain =
-                    fmax(p->sums.gain, 4 + u * (1 - u) * per_u * fabs(y - patch->y[k][m - 1]));
+                p->sums.gain = fmax(p->sums.gain,
+                                    4 + u * (1 - u) * per_u * fabs(y - patch->y[k][m - 1]));
             if (k) p->sums.gain = fmax(p->sums.gain, per_turn * fabs(y - patch->y[k - 1][m]));
         }
     }

@@ -12,7 +12,10 @@ const char *facet_status_text(facet_status status)
 
 const char *facet_tier_name(facet_tier tier)
 {
-    static const char *const names[FACET_TIER_COUNT] = { [FACET_DRAFT] = "draft", [FACET_FAST] = "fast", [FACET_EXACT32] = "exact32", [FACET_PRECISE] = "precise" };
+    static const char *const names[FACET_TIER_COUNT] = {[FACET_DRAFT] = "draft",
+                                                        [FACET_FAST] = "fast",
+                                                        [FACET_EXACT32] = "exact32",
+                                                        [FACET_PRECISE] = "precise"};
     return (unsigned)tier < FACET_TIER_COUNT ? names[tier] : NULL;
 }
 
@@ -24,7 +27,8 @@ const char *facet_tier_domain(facet_tier tier)
     static const char *const domains[FACET_TIER_COUNT] = {
         [FACET_DRAFT] = floats,
         [FACET_FAST] = floats,
-        [FACET_EXACT32] = "all but tabulated; transmission: fr, fr_cos, pdf; bounds grow with alpha_1/alpha_2, correlation and mean slope over alpha_2",
+        [FACET_EXACT32] =
+            "all but tabulated; transmission: fr, fr_cos, pdf; bounds grow with alpha_1/alpha_2, correlation and mean slope over alpha_2",
         [FACET_PRECISE] = "all",
     };
     return (unsigned)tier < FACET_TIER_COUNT ? domains[tier] : NULL;

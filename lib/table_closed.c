@@ -36,7 +36,8 @@ const facet_slope_table *facet_table_of(facet_ndf ndf)
 facet_status facet_sampler_prepare(facet_sampler sampler, facet_ndf ndf)
 {
     bool closed = (unsigned)ndf < FACET_TABULATED;
-    return sampler != FACET_SAMPLER_TABLE || !closed || facet_table_of(ndf) ? FACET_OK : FACET_NO_MEMORY;
+    return sampler != FACET_SAMPLER_TABLE || !closed || facet_table_of(ndf) ? FACET_OK
+                                                                            : FACET_NO_MEMORY;
 }
 
 bool facet_table_twin(const facet_brdf *brdf, facet_brdf *twin)
@@ -54,25 +55,31 @@ static void weigh_block(const struct batch *batch, const facet_brdf *twin, size_
 {
     double pdf[BLOCK], fr_cos[3][BLOCK];
     /* In double whatever the tier, so that floats are converted and not written where doubles are read. */
-    struct batch density = { .brdf = twin, .tier = FACET_PRECISE }, surface = { .brdf = batch->brdf, .tier = FACET_PRECISE };
+    struct batch density = {.brdf = twin, .tier = FACET_PRECISE},
+                 surface = {.brdf = batch->brdf, .tier = FACET_PRECISE};
     for (int j = 0; j < 3; j++) {
         density.wi[j] = surface.wi[j] = facet_array_at(batch->wi[j], start);
         density.wo[j] = surface.wo[j] = facet_array_at(batch->wo[j], start);
-        if (batch->out[KERNEL_WEIGHT][j].data) surface.out[KERNEL_FR_COS][j] = facet_doubles(fr_cos[j]);
+        if (batch->out[KERNEL_WEIGHT][j].data)
+            surface.out[KERNEL_FR_COS][j] = facet_doubles(fr_cos[j]);
     }
     density.out[KERNEL_PDF][0] = facet_doubles(pdf);
     facet_batch_run(&density, n);
-    for (size_t k = 0; batch->out[KERNEL_PDF][0].data && k < n; k++) facet_array_put(batch->out[KERNEL_PDF][0], start + k, pdf[k]);
+    for (size_t k = 0; batch->out[KERNEL_PDF][0].data && k < n; k++)
+        facet_array_put(batch->out[KERNEL_PDF][0], start + k, pdf[k]);
     if (!batch->out[KERNEL_WEIGHT][0].data) return;
     facet_batch_run(&surface, n);
     for (int c = 0; c < 3 && batch->out[KERNEL_WEIGHT][c].data; c++)
         for (size_t k = 0; k < n; k++)
-            facet_array_put(batch->out[KERNEL_WEIGHT][c], start + k, pdf[k] > 0 ? fmin(fr_cos[c][k] / pdf[k], DBL_MAX) : 0);
+            facet_array_put(batch->out[KERNEL_WEIGHT][c], start + k,
+                            pdf[k] > 0 ? fmin(fr_cos[c][k] / pdf[k], DBL_MAX) : 0);
 }
 
 void facet_table_weigh(const struct batch *batch, size_t n)
 {
     facet_brdf twin;
-    if (!facet_table_twin(batch->brdf, &twin)) return; /* it was there when the samples were drawn */
-    for (size_t start = 0; start < n; start += BLOCK) weigh_block(batch, &twin, start, n - start < BLOCK ? n - start : BLOCK);
+    if (!facet_table_twin(batch->brdf, &twin))
+        return; /* it was there when the samples were drawn */
+    for (size_t start = 0; start < n; start += BLOCK)
+        weigh_block(batch, &twin, start, n - start < BLOCK ? n - start : BLOCK);
 }

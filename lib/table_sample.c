@@ -20,9 +20,11 @@ struct viewer {
     double a, b, s, c; /* the stretched direction (masking.h's) */
 };
 
-static struct viewer viewer_at(const struct kernel_surface *f, const struct kernel_job *job, size_t k)
+static struct viewer viewer_at(const struct kernel_surface *f, const struct kernel_job *job,
+                               size_t k)
 {
-    struct viewer o = {.x = ((const double *)job->wo[0])[k], .y = ((const double *)job->wo[1])[k],
+    struct viewer o = {.x = ((const double *)job->wo[0])[k],
+                       .y = ((const double *)job->wo[1])[k],
                        .z = ((const double *)job->wo[2])[k]};
     o.a = f->alpha_x * o.x + f->rho_alpha_y * o.y;
     o.b = f->kappa_alpha_y * o.y;
@@ -37,8 +39,8 @@ struct drawn {
 };
 
 /* The affine map, reflection, and the density D/area (D h_z/(4 wo.h) where area is 0: all normals). */
-static void put(const struct kernel_surface *f, const struct kernel_job *job, size_t k, struct viewer o,
-                struct drawn m, double area)
+static void put(const struct kernel_surface *f, const struct kernel_job *job, size_t k,
+                struct viewer o, struct drawn m, double area)
 {
     double hx = f->alpha_x * m.x - f->slope_x * m.z;
     double hy = f->rho_alpha_y * m.x + f->kappa_alpha_y * m.y - f->slope_y * m.z;
@@ -71,7 +73,8 @@ static struct drawn towards(struct viewer o)
     return (struct drawn){o.a / o.s, o.b / o.s, 0, 0};
 }
 
-static struct drawn visible(const struct slope_view *view, struct viewer o, struct slope_share u1, struct slope_share u2)
+static struct drawn visible(const struct slope_view *view, struct viewer o, struct slope_share u1,
+                            struct slope_share u2)
 {
     if (!(view->sigma > 0)) return towards(o);
     double b = view->pieces->scale;
@@ -79,7 +82,8 @@ static struct drawn visible(const struct slope_view *view, struct viewer o, stru
     double radius = b * ring.u, ca = o.s > 0 ? o.a / o.s : 1, cb = o.s > 0 ? o.b / o.s : 0;
     struct slope_turn turn = facet_slope_along_ring(o.c * ring.rest, o.s * radius, u2);
     double along = radius * turn.cos, across = radius * turn.sin;
-    return (struct drawn){along * ca - across * cb, along * cb + across * ca, ring.rest, exp(ring.log_q)};
+    return (struct drawn){along * ca - across * cb, along * cb + across * ca, ring.rest,
+                          exp(ring.log_q)};
 }
 
 /* One view after the other; what it needs of the table is found once where it stays the same. */
@@ -101,7 +105,8 @@ static size_t draw_any(const struct kernel_surface *f, const struct kernel_job *
     const struct slope_pieces *pieces = &((const facet_slope_table *)f->table)->pieces;
     for (size_t k = 0; k < n; k++) {
         struct slope_place ring = facet_slope_any_ring(pieces, share_at(job, 0, k));
-        double turn = 2 * acos(-1) * ((const double *)job->u[1])[k], radius = pieces->scale * ring.u;
+        double turn = 2 * acos(-1) * ((const double *)job->u[1])[k],
+               radius = pieces->scale * ring.u;
         struct drawn m = {radius * cos(turn), radius * sin(turn), ring.rest, exp(ring.log_q)};
         put(f, job, k, viewer_at(f, job, k), m, 0);
     }
@@ -113,12 +118,15 @@ static size_t draw_any(const struct kernel_surface *f, const struct kernel_job *
 static double turned_sigma(const struct kernel_table *table, struct viewer o, double azimuth)
 {
     double length = table->slope_scale * o.s, whole = length + o.c;
-    return o.c + length * (length / whole) * exp(slope_sheet_at(table->turned_psi, o.c / whole, azimuth));
+    return o.c +
+           length * (length / whole) * exp(slope_sheet_at(table->turned_psi, o.c / whole, azimuth));
 }
 
-static struct drawn turned(const struct slope_ray_view *view, const struct kernel_job *job, size_t k)
+static struct drawn turned(const struct slope_ray_view *view, const struct kernel_job *job,
+                           size_t k)
 {
-    struct slope_ray_place p = facet_slope_ray_draw(view, ((const double *)job->u[0])[k], ((const double *)job->u[1])[k]);
+    struct slope_ray_place p = facet_slope_ray_draw(view, ((const double *)job->u[0])[k],
+                                                    ((const double *)job->u[1])[k]);
     double radius = view->table->slope_scale * p.u;
     return (struct drawn){radius * cos(p.azimuth), radius * sin(p.azimuth), 1 - p.u, p.q};
 }
@@ -136,15 +144,18 @@ static size_t draw_turned(const struct kernel_surface *f, const struct kernel_jo
         double azimuth = atan2(o.b, o.a) / acos(-1);
         if (!(view.c == o.c && view.s == o.s && view.psi == azimuth))
             facet_slope_ray_view(f->table, rays, o.c, o.s, azimuth, &view);
-        put(f, job, k, o, turned(&view, job, k), 4 * turned_sigma(f->table, o, azimuth - floor(azimuth)));
+        put(f, job, k, o, turned(&view, job, k),
+            4 * turned_sigma(f->table, o, azimuth - floor(azimuth)));
     }
     return 0;
 }
 
-static size_t draw_any_turned(const struct kernel_surface *f, const struct kernel_job *job, size_t n)
+static size_t draw_any_turned(const struct kernel_surface *f, const struct kernel_job *job,
+                              size_t n)
 {
     struct slope_ray_view view;
-    facet_slope_ray_view(f->table, facet_slope_table_rays((const facet_slope_table *)f->table), 1, 0, 0, &view);
+    facet_slope_ray_view(f->table, facet_slope_table_rays((const facet_slope_table *)f->table), 1,
+                         0, 0, &view);
     for (size_t k = 0; k < n; k++) put(f, job, k, viewer_at(f, job, k), turned(&view, job, k), 0);
     return 0;
 }

@@ -132,7 +132,8 @@ facet_tier facet_bsdf_tier(const facet_bsdf *b, facet_tier tier)
     return tier < FACET_EXACT32 && !b->floats_hold ? FACET_EXACT32 : tier;
 }
 
-void facet_refract(const facet_bsdf *b, facet_tier tier, const struct kernel_refraction *job, size_t n)
+void facet_refract(const facet_bsdf *b, facet_tier tier, const struct kernel_refraction *job,
+                   size_t n)
 {
     if (run(b, facet_bsdf_tier(b, tier), job, n)) redo_strays(b, job, n);
 }
@@ -235,20 +236,13 @@ static double across(const struct normals *n, size_t i, int quantity)
     double zi = -n->turned[2][i], zo = n->turned[5][i], sigma_o = n->out[REFRACTION_SIGMA_O][i],
            D = n->out[REFRACTION_D][i];
     switch (quantity) {
-    case FACET_D:
-        return D;
-    case FACET_D_VIS:
-        return over(D * n->out[REFRACTION_COSINE][i], sigma_o);
-    case FACET_G:
-        return over(n->out[REFRACTION_MASKING][i] * zo, sigma_o);
-    case FACET_G1_I:
-        return over(zi, n->out[REFRACTION_SIGMA_I][i]);
-    case FACET_G1_O:
-        return over(zo, sigma_o);
-    case FACET_F:
-        return n->out[REFRACTION_F][i];
-    default:
-        return sigma_o;
+    case FACET_D: return D;
+    case FACET_D_VIS: return over(D * n->out[REFRACTION_COSINE][i], sigma_o);
+    case FACET_G: return over(n->out[REFRACTION_MASKING][i] * zo, sigma_o);
+    case FACET_G1_I: return over(zi, n->out[REFRACTION_SIGMA_I][i]);
+    case FACET_G1_O: return over(zo, sigma_o);
+    case FACET_F: return n->out[REFRACTION_F][i];
+    default: return sigma_o;
     }
 }
 
@@ -259,8 +253,7 @@ static void find_normals(const facet_bsdf *b, const double *const in[6], size_t 
     for (int j = 0; j < 6; j++)
         facet_stage(facet_doubles(in[j]), KERNEL_DOUBLE, n, j % 3 == 2, to->in[j]);
     for (int j = 0; j < 3; j++) job.wi[j] = to->in[j], job.wo[j] = to->in[3 + j];
-    for (int q = REFRACTION_MASKING; q < REFRACTION_OUTPUT_COUNT; q++)
-        job.out[q] = to->out[q];
+    for (int q = REFRACTION_MASKING; q < REFRACTION_OUTPUT_COUNT; q++) job.out[q] = to->out[q];
     facet_refract(b, FACET_PRECISE, &job, facet_padded(n));
     for (size_t i = 0; i < n; i++) {
         double sign = facet_side(to->in[5][i]) == BELOW ? -1 : 1;

@@ -7,7 +7,8 @@
 
 bool facet_bsdf_sampler_serves(facet_sampler sampler, facet_ndf ndf)
 {
-    bool visible = sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_CAPS || sampler == FACET_SAMPLER_SLOPE;
+    bool visible = sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_CAPS ||
+                   sampler == FACET_SAMPLER_SLOPE;
     return visible && ndf != FACET_TABULATED && facet_sampler_serves(sampler, ndf);
 }
 
@@ -19,16 +20,19 @@ struct drawn {
 };
 
 /* Visible normals of wo turned up, and what reflects there. */
-static facet_status draw(const facet_bsdf *b, facet_tier tier, facet_sampler sampler, struct drawn *d, facet_vec3_in wo,
-                         const double *u1, const double *u2, size_t n)
+static facet_status draw(const facet_bsdf *b, facet_tier tier, facet_sampler sampler,
+                         struct drawn *d, facet_vec3_in wo, const double *u1, const double *u2,
+                         size_t n)
 {
     double up[3][TRANSMISSION_BLOCK];
     for (size_t i = 0; i < n; i++) {
         double turn = facet_side(wo.z[i]) == BELOW ? -1 : 1;
         up[0][i] = turn * wo.x[i], up[1][i] = turn * wo.y[i], up[2][i] = turn * wo.z[i];
     }
-    const facet_samples samples = { .wi = { d->wi[0], d->wi[1], d->wi[2] }, .h = { d->h[0], d->h[1], d->h[2] }, .pdf = d->density };
-    return facet_sample(b->ideal, tier, sampler, (facet_vec3_in){ up[0], up[1], up[2] }, u1, u2, n, &samples);
+    const facet_samples samples = {
+        .wi = {d->wi[0], d->wi[1], d->wi[2]}, .h = {d->h[0], d->h[1], d->h[2]}, .pdf = d->density};
+    return facet_sample(b->ideal, tier, sampler, (facet_vec3_in){up[0], up[1], up[2]}, u1, u2, n,
+                        &samples);
 }
 
 /*
@@ -38,9 +42,10 @@ static facet_status draw(const facet_bsdf *b, facet_tier tier, facet_sampler sam
 static void refract(const facet_bsdf *b, facet_tier tier, struct drawn *d, size_t n)
 {
     struct kernel_refraction job = facet_refraction_of(b);
-    struct kernel_normals normals = { .pdf = d->density, .u = d->u, .chosen = d->chosen };
+    struct kernel_normals normals = {.pdf = d->density, .u = d->u, .chosen = d->chosen};
     for (int j = 0; j < 3; j++) {
-        for (size_t i = n; i < facet_padded(n); i++) d->wi[j][i] = d->wo[j][i] = d->h[j][i] = j == 2;
+        for (size_t i = n; i < facet_padded(n); i++)
+            d->wi[j][i] = d->wo[j][i] = d->h[j][i] = j == 2;
         job.wi[j] = d->wi[j], job.wo[j] = d->wo[j];
         normals.wi[j] = d->wi[j], normals.h[j] = d->h[j];
     }
@@ -55,7 +60,7 @@ static void refract(const facet_bsdf *b, facet_tier tier, struct drawn *d, size_
 static void hand_out(const struct drawn *d, size_t start, size_t n, const facet_samples *to)
 {
     const size_t bytes = n * sizeof(double);
-    double *const wi[3] = { to->wi.x, to->wi.y, to->wi.z }, *const h[3] = { to->h.x, to->h.y, to->h.z };
+    double *const wi[3] = {to->wi.x, to->wi.y, to->wi.z}, *const h[3] = {to->h.x, to->h.y, to->h.z};
     for (int j = 0; j < 3; j++) {
         memcpy(wi[j] + start, d->wi[j], bytes);
         if (h[j]) memcpy(h[j] + start, d->h[j], bytes);
@@ -64,15 +69,17 @@ static void hand_out(const struct drawn *d, size_t start, size_t n, const facet_
     if (to->weight[0]) memcpy(to->weight[0] + start, d->weight, bytes);
 }
 
-facet_status facet_bsdf_sample(const facet_bsdf *b, facet_tier tier, facet_sampler sampler, facet_vec3_in wo, const double *u1,
-                               const double *u2, const double *u3, size_t n, const facet_samples *out)
+facet_status facet_bsdf_sample(const facet_bsdf *b, facet_tier tier, facet_sampler sampler,
+                               facet_vec3_in wo, const double *u1, const double *u2,
+                               const double *u3, size_t n, const facet_samples *out)
 {
     struct drawn drawn;
     facet_status status = FACET_OK;
-    if (!facet_bsdf_sampler_serves(sampler, b->ndf) || (unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    if (!facet_bsdf_sampler_serves(sampler, b->ndf) || (unsigned)tier >= FACET_TIER_COUNT)
+        return FACET_UNSUPPORTED;
     tier = facet_bsdf_tier(b, tier);
     for (size_t start = 0, size; start < n && !status; start += size) {
-        const facet_vec3_in from = { wo.x + start, wo.y + start, wo.z + start };
+        const facet_vec3_in from = {wo.x + start, wo.y + start, wo.z + start};
         size = n - start < TRANSMISSION_BLOCK ? n - start : TRANSMISSION_BLOCK;
         status = draw(b, tier, sampler, &drawn, from, u1 + start, u2 + start, size);
         if (status) break;

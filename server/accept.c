@@ -73,8 +73,7 @@ static void accept_from(struct acceptor *acceptor, int fd)
     for (int i = 0; i < ONE_TURN; i++) {
         struct sockaddr_storage peer;
         socklen_t length = sizeof peer;
-        int client =
-            accept4(fd, (struct sockaddr *)&peer, &length, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        int client = accept4(fd, (struct sockaddr *)&peer, &length, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (client < 0 && is_passing(errno)) continue;
         if (client < 0) {
             if (errno == EAGAIN || errno == EWOULDBLOCK) break;

@@ -74,9 +74,8 @@ struct admin *admin_start(const struct options *options, struct listeners *liste
     admin->options.header_timeout = admin->options.timeout = SECONDS;
     admin->stop_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (admin->stop_fd < 0) goto failed;
-    admin->http = http_create(&(struct http_config){.options = &admin->options,
-                                                    .site = SITE_ADMIN,
-                                                    .max_connections = CONNECTIONS});
+    admin->http = http_create(&(struct http_config){
+        .options = &admin->options, .site = SITE_ADMIN, .max_connections = CONNECTIONS});
     admin->acceptor = (struct acceptor){.http = admin->http, .listeners = listeners};
     if (!admin->http) goto failed;
     sem_init(&admin->urgent, 0, 0); /* fails for values and kinds that these are not */

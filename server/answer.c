@@ -28,7 +28,8 @@ static ssize_t send_block(void *user, uint64_t position, char *out, size_t room)
             return MHD_CONTENT_READER_END_WITH_ERROR;
         if (request->block_last) return MHD_CONTENT_READER_END_OF_STREAM;
         request->deadline_us = clock_us() + seconds(http->options->deadline);
-        if (!api_stream_is_ready(request->response.stream) && pool_submit(http->pool, &request->job)) {
+        if (!api_stream_is_ready(request->response.stream) &&
+            pool_submit(http->pool, &request->job)) {
             waiting_add(http, client);
             return 0;
         }
@@ -92,8 +93,8 @@ enum MHD_Result answer_send(struct http *http, struct client *client)
     for (size_t i = 0; i < count && result == MHD_YES; i++)
         result = MHD_add_response_header(response, headers[i].name, headers[i].value);
     if (result == MHD_YES)
-        result =
-            MHD_queue_response(client->connection, (unsigned)request->response.status, response);
+        result = MHD_queue_response(client->connection, (unsigned)request->response.status,
+                                    response);
     MHD_destroy_response(response);
     client->phase = CLIENT_ANSWER;
     client->deadline_us = answer_deadline(

@@ -23,8 +23,8 @@ static bool has_too_many_parameters(const char *query)
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
 {
     struct http *http = user;
-    struct client *client =
-        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+    struct client *client = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)
+                                ->socket_context;
     if (!client || !target) return NULL;
     if (!request_start(&client->request, target, http->now_us)) return NULL;
     client->request.site = http->config.site;
@@ -80,7 +80,8 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
 static void refuse_size(struct request *request)
 {
     char detail[96];
-    snprintf(detail, sizeof detail, "the body is larger than the %zu bytes that this endpoint takes",
+    snprintf(detail, sizeof detail,
+             "the body is larger than the %zu bytes that this endpoint takes",
              request->route.body_max);
     request_refuse(request, 413, detail);
 }
@@ -91,7 +92,8 @@ static bool refuse_encoded(struct client *client, const struct head *head)
 {
     const char *encoding = head->value[HEAD_CONTENT_ENCODING];
     if (!encoding || !*encoding || !strcasecmp(encoding, "identity")) return false;
-    request_refuse(&client->request, 415, "Content-Encoding must be identity or absent: send the body as it is");
+    request_refuse(&client->request, 415,
+                   "Content-Encoding must be identity or absent: send the body as it is");
     return true;
 }
 
@@ -166,21 +168,16 @@ static enum MHD_Result collect(struct http *http, struct client *client, const c
     if (client->phase == CLIENT_DROP) return MHD_YES;
     client_extend(client, size, http->options->min_rate, seconds(http->options->header_timeout));
     switch (request_add_body(request, data, size, &http->budget)) {
-    case BODY_OK:
-        return MHD_YES;
-    case BODY_TOO_LARGE:
-        refuse_size(request);
-        break;
-    case BODY_NO_MEMORY:
-        request_refuse(request, 503, "too many bodies are being received");
-        break;
+    case BODY_OK: return MHD_YES;
+    case BODY_TOO_LARGE: refuse_size(request); break;
+    case BODY_NO_MEMORY: request_refuse(request, 503, "too many bodies are being received"); break;
     }
     return answer_raw(http, client);
 }
 
 enum MHD_Result exchange_step(void *user, struct MHD_Connection *connection, const char *url,
-                                  const char *method, const char *version, const char *data,
-                                  size_t *size, void **context)
+                              const char *method, const char *version, const char *data,
+                              size_t *size, void **context)
 {
     struct http *http = user;
     struct client *client = *context;
@@ -205,24 +202,18 @@ static const char *end_text(const struct client *client, enum MHD_RequestTermina
     if (client->request.gone) return "gone";
     if (client->raw) return "refused";
     switch (code) {
-    case MHD_REQUEST_TERMINATED_COMPLETED_OK:
-        return "ok";
-    case MHD_REQUEST_TERMINATED_TIMEOUT_REACHED:
-        return "timeout";
-    case MHD_REQUEST_TERMINATED_DAEMON_SHUTDOWN:
-        return "shutdown";
-    case MHD_REQUEST_TERMINATED_CLIENT_ABORT:
-        return "aborted";
-    case MHD_REQUEST_TERMINATED_READ_ERROR:
-        return "aborted";
-    case MHD_REQUEST_TERMINATED_WITH_ERROR:
-        break;
+    case MHD_REQUEST_TERMINATED_COMPLETED_OK: return "ok";
+    case MHD_REQUEST_TERMINATED_TIMEOUT_REACHED: return "timeout";
+    case MHD_REQUEST_TERMINATED_DAEMON_SHUTDOWN: return "shutdown";
+    case MHD_REQUEST_TERMINATED_CLIENT_ABORT: return "aborted";
+    case MHD_REQUEST_TERMINATED_READ_ERROR: return "aborted";
+    case MHD_REQUEST_TERMINATED_WITH_ERROR: break;
     }
     return "error";
 }
 
 void exchange_end(void *user, struct MHD_Connection *connection, void **context,
-                         enum MHD_RequestTerminationCode code)
+                  enum MHD_RequestTerminationCode code)
 {
     struct http *http = user;
     struct client *client = *context;

@@ -9,8 +9,8 @@ void *exchange_begin(void *user, const char *target, struct MHD_Connection *conn
 
 /* The access handler: headers complete, each piece of the body, its end, and back from a worker. */
 enum MHD_Result exchange_step(void *user, struct MHD_Connection *connection, const char *url,
-                              const char *method, const char *version, const char *data, size_t *size,
-                              void **context);
+                              const char *method, const char *version, const char *data,
+                              size_t *size, void **context);
 
 /* MHD_OPTION_NOTIFY_COMPLETED */
 void exchange_end(void *user, struct MHD_Connection *connection, void **context,

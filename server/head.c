@@ -92,9 +92,7 @@ static void note_framing(struct walk *walk, enum head_field field, const char *v
         if (walk->hosts++) head->fault = "more than one Host";
         if (!is_host(value, size)) head->fault = "the Host is not a host";
         break;
-    case HEAD_EXPECT:
-        head->expects_continue = !strcasecmp(value, "100-continue");
-        break;
+    case HEAD_EXPECT: head->expects_continue = !strcasecmp(value, "100-continue"); break;
     case HEAD_CONTENT_LENGTH:
         if (walk->lengths++) head->fault = "more than one Content-Length";
         head->length = strtoull(value, NULL, 10); /* libmicrohttpd has refused non-digits */
@@ -106,8 +104,7 @@ static void note_framing(struct walk *walk, enum head_field field, const char *v
         if (!walk->is_1_1) head->fault = "Transfer-Encoding needs HTTP/1.1";
         head->chunked = true;
         break;
-    default:
-        break;
+    default: break;
     }
 }
 
@@ -158,8 +155,8 @@ static size_t memory_of(struct MHD_Connection *connection, size_t size)
     enum { SMALL = 512, ENTRY = 64 /* libmicrohttpd's note of a header, a cookie, a parameter */ };
     if (size <= SMALL) return 0;
     const int kinds = MHD_HEADER_KIND | MHD_COOKIE_KIND | MHD_GET_ARGUMENT_KIND,
-              entries =
-                  MHD_get_connection_values(connection, (enum MHD_ValueKind)kinds, NULL, NULL);
+              entries = MHD_get_connection_values(connection, (enum MHD_ValueKind)kinds, NULL,
+                                                  NULL);
     const char *cookie = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Cookie");
     return size + ENTRY * (size_t)entries + (cookie ? strlen(cookie) + 1 : 0); /* a copy */
 }
@@ -173,8 +170,8 @@ struct head head_read(struct MHD_Connection *connection, const struct head_line 
         return walk.head;
     }
     MHD_get_connection_values_n(connection, MHD_HEADER_KIND, note_header, &walk);
-    const union MHD_ConnectionInfo *size =
-        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    const union MHD_ConnectionInfo *size = MHD_get_connection_info(
+        connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
     if (size) walk.head.memory = memory_of(connection, size->header_size);
 #if HEAD_LIES_IN_ONE_PIECE
     if (!walk.head.fault && (!size || walk.at + 2 != line->method + size->header_size))

@@ -50,8 +50,8 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     http->clients = client;
     http->client_count++;
     http_gauge(http, METRIC_CONNECTIONS, http->client_count);
-    const union MHD_ConnectionInfo *peer =
-        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    const union MHD_ConnectionInfo *peer = MHD_get_connection_info(
+        connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
     if (peer) client_set_address(client, peer->client_addr);
     if (http->draining) client_cut(client, false);
 }

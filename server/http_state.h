@@ -19,7 +19,7 @@ struct http {
     struct MHD_Daemon *daemon;
     int epoll_fd;
     bool draining, received; /* received: a piece of a body, in this run */
-    struct client *clients; /* all */
+    struct client *clients;  /* all */
     size_t client_count, active_count;
     struct client **working; /* those that wait for a worker */
     size_t working_count;

@@ -165,8 +165,7 @@ static bool take_passed(struct listeners *main_ones, struct listeners *admin)
     int fd;
     for (int i = 0; (fd = systemd_socket(i, &name)) >= 0; i++) {
         int flags = fcntl(fd, F_GETFL);
-        if (flags < 0 || fcntl(fd, F_SETFL, flags | O_NONBLOCK) ||
-            fcntl(fd, F_SETFD, FD_CLOEXEC))
+        if (flags < 0 || fcntl(fd, F_SETFL, flags | O_NONBLOCK) || fcntl(fd, F_SETFD, FD_CLOEXEC))
             return complain("a passed socket", strerror(errno));
         if (!add(strcmp(name, "admin") ? main_ones : admin, fd, NULL)) return false;
     }

@@ -128,7 +128,8 @@ static bool begin(struct parts *parts)
         .max_connections = (size_t)options->max_connections,
     });
     if (!parts->http) return false;
-    parts->loop = loop_create(parts->http, parts->pool, &parts->main_ones, parts->signal_fd, options);
+    parts->loop = loop_create(parts->http, parts->pool, &parts->main_ones, parts->signal_fd,
+                              options);
     if (!parts->loop) return false;
     if (parts->admin_ones.count && !(parts->admin = admin_start(options, &parts->admin_ones)))
         return false;
@@ -161,17 +162,16 @@ int main(int argc, char **argv)
     struct api_limit limits[OPTIONS_LIMITS + REQUEST_LIMITS];
     struct parts parts = {.options = &options};
     switch (options_read(argc, argv, &options)) {
-    case OPTIONS_BAD:
-        return EXIT_USAGE;
-    case OPTIONS_DONE:
-        return 0;
-    case OPTIONS_HEALTHCHECK:
-        return health_check(&options);
-    case OPTIONS_SERVE:
-        break;
+    case OPTIONS_BAD: return EXIT_USAGE;
+    case OPTIONS_DONE: return 0;
+    case OPTIONS_HEALTHCHECK: return health_check(&options);
+    case OPTIONS_SERVE: break;
     }
     if (!api_select_isa(options.isa)) {
-        fprintf(stderr, "facetd: --isa: this processor does not run \"%s\"; base, avx2, avx512 or nothing\n", options.isa);
+        fprintf(
+            stderr,
+            "facetd: --isa: this processor does not run \"%s\"; base, avx2, avx512 or nothing\n",
+            options.isa);
         return EXIT_USAGE;
     }
     memory_open();

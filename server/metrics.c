@@ -12,8 +12,8 @@
 enum { PATHS_MAX = 32, TIERS_MAX = 8, LEFT_STATUS = 499 };
 
 /* Every status the daemon gives; 499, as nginx has it: the client left before the answer. */
-static const int statuses[] = {200, 204, 304, 400, 401, 404, 405, 406,         408, 411, 413,
-                               414, 415, 422, 429, 431, 499, 500, 501,         503, 505, 0};
+static const int statuses[] = {200, 204, 304, 400, 401, 404, 405, 406, 408, 411, 413,
+                               414, 415, 422, 429, 431, 499, 500, 501, 503, 505, 0};
 static const double bounds_s[] = {1e-4, 2.5e-4, 1e-3, 2.5e-3, .01, .025, .1, .25, 1, 2.5, 10};
 
 enum { STATUSES = sizeof statuses / sizeof *statuses, BOUNDS = sizeof bounds_s / sizeof *bounds_s };

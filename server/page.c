@@ -15,7 +15,8 @@ void page_open(bool serves)
 const struct page_file *page_find(const char *path)
 {
     if (!serves_page || *path != '/') return NULL;
-    for (const struct page_file *file = page_files; file->path; file++) /* the first letter: every request asks thrice */
+    for (const struct page_file *file = page_files; file->path;
+         file++) /* the first letter: every request asks thrice */
         if (file->path[1] == path[1] && !strcmp(file->path, path)) return file;
     return NULL;
 }

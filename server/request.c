@@ -317,8 +317,8 @@ size_t request_headers(const struct request *request, struct request_header *hea
     if (response->content_type)
         headers[n++] = (struct request_header){"Content-Type", response->content_type};
     for (size_t i = 0; i < response->header_count; i++)
-        headers[n++] =
-            (struct request_header){response->headers[i].name, response->headers[i].value};
+        headers[n++] = (struct request_header){response->headers[i].name,
+                                               response->headers[i].value};
     if (response->status == 401)
         headers[n++] = (struct request_header){"WWW-Authenticate", "Bearer realm=\"facetd\""};
     if (request->close) headers[n++] = (struct request_header){"Connection", "close"};
@@ -373,8 +373,8 @@ void request_log(const struct request *request, const char *end)
     log_line("event=request id=%s%s%s method=%s path=%s status=%d in=%zu out=%zu us_receive=%lld "
              "us_queue=%lld us_decode=%.1f us_compute=%.1f us_encode=%.1f us_total=%lld tier=%s "
              "evaluations=%zu end=%s",
-             request->id[0] ? request->id : "-", request->trace[0] ? " trace=" : "",
-             request->trace, log_quote(request->method, method, sizeof method),
+             request->id[0] ? request->id : "-", request->trace[0] ? " trace=" : "", request->trace,
+             log_quote(request->method, method, sizeof method),
              log_quote(request->path, path, sizeof path), response->status, request->body_size,
              request_answer_size(request), span(request->started_us, request->received_us),
              span(request->received_us, request->began_us), trace->decode_us, trace->compute_us,

@@ -53,11 +53,11 @@ struct request {
     char *block;
     size_t block_size, block_taken, streamed;
     bool block_last, block_failed; /* no more follow; the connection is to be cut */
-    const char *cors; /* value of Access-Control-Allow-Origin; NULL: none */
-    bool close;       /* the connection ends after this answer */
-    bool overdue;     /* the deadline passed and the work was told */
-    bool was_queued;  /* it went to a worker */
-    atomic_bool gone; /* the client left: nobody wants the answer */
+    const char *cors;              /* value of Access-Control-Allow-Origin; NULL: none */
+    bool close;                    /* the connection ends after this answer */
+    bool overdue;                  /* the deadline passed and the work was told */
+    bool was_queued;               /* it went to a worker */
+    atomic_bool gone;              /* the client left: nobody wants the answer */
     int64_t deadline_us;
     int64_t started_us, received_us, began_us, done_us;
     struct api_response response; /* last, as its headers are */

@@ -173,15 +173,9 @@ static unsigned short assemble(struct sock_filter *program)
     };
     /* No page is ever executable that was not at the start; of ioctl only what isatty asks. */
     const struct sock_filter end[] = {
-        EQUALS(SYS_mmap, 2, 0),
-        EQUALS(SYS_mprotect, 1, 0),
-        EQUALS(SYS_ioctl, 3, 6),
-        LOAD(ARGUMENT(2)),
-        HAS_BITS(PROT_EXEC, 4, 0),
-        RETURN(SECCOMP_RET_ALLOW),
-        LOAD(ARGUMENT(1)),
-        EQUALS(TCGETS, 0, 1),
-        RETURN(SECCOMP_RET_ALLOW),
+        EQUALS(SYS_mmap, 2, 0), EQUALS(SYS_mprotect, 1, 0), EQUALS(SYS_ioctl, 3, 6),
+        LOAD(ARGUMENT(2)),      HAS_BITS(PROT_EXEC, 4, 0),  RETURN(SECCOMP_RET_ALLOW),
+        LOAD(ARGUMENT(1)),      EQUALS(TCGETS, 0, 1),       RETURN(SECCOMP_RET_ALLOW),
         RETURN(REFUSE),
     };
     unsigned short n = 0;

@@ -115,6 +115,7 @@ rm -f build/test/*.daemon.log
 wanted=("$@")
 step build        build all clients
 step packages     make -s deps-check
+step format       make -s check-format
 step gcc          check
 step clang        check VARIANT=clang CHECK_ISAS=best
 step asan         env FACET_TEST_SCALE=0.1 make -s -j"$jobs" check VARIANT=asan CHECK_ISAS=best

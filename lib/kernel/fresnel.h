@@ -15,12 +15,13 @@ INLINE pair angle_squared(const struct given *g, struct half h)
 {
 #if COMPENSATED
     (void)h;
-    pair x = pair_sum(g->wi.x, g->wo.x), y = pair_sum(g->wi.y, g->wo.y), z = pair_sum(g->wi.z, g->wo.z);
+    pair x = pair_sum(g->wi.x, g->wo.x), y = pair_sum(g->wi.y, g->wo.y),
+         z = pair_sum(g->wi.z, g->wo.z);
     pair hh = pair_add(pair_add(pair_multiply(x, x), pair_multiply(y, y)), pair_multiply(z, z));
     return pair_normalise(hh);
 #else
     (void)g;
-    return (pair){ h.hh, splat(0) };
+    return (pair){h.hh, splat(0)};
 #endif
 }
 
@@ -43,7 +44,7 @@ INLINE real fresnel_schlick(const struct kernel_fresnel *f, real versine5, lane 
 INLINE real fresnel_root(const struct kernel_fresnel *f, pair hh)
 {
 #if COMPENSATED
-    return pair_round(pair_add((pair){ splat(4 * f->excess), splat(4 * f->excess_low) }, hh));
+    return pair_round(pair_add((pair){splat(4 * f->excess), splat(4 * f->excess_low)}, hh));
 #else
     return R(4 * f->excess) + hh.hi;
 #endif
@@ -59,7 +60,8 @@ INLINE real fresnel_of_root(real top, bool may_be_total, pair hh, real g2, lane 
 {
     real sine2 = (4 - hh.hi) - hh.lo;
     mask partial = less(splat(0), g2);
-    real cg = may_be_total ? root_from_zero(hh.hi * real_max(g2, splat(0))) : root_from_zero(hh.hi * g2);
+    real cg = may_be_total ? root_from_zero(hh.hi * real_max(g2, splat(0)))
+                           : root_from_zero(hh.hi * g2);
     real sum2 = (cg + cg) + (g2 + hh.hi), low = cg - sine2, high = cg + sine2, bottom = sum2 * high;
     real value = quotient(top * madd(low, low, high * high), bottom * bottom);
     value = real_min(value, splat(scale));
@@ -80,7 +82,7 @@ INLINE real fresnel_dielectric(const struct kernel_fresnel *f, pair hh, lane sca
  */
 INLINE real fresnel_conductor(const struct kernel_fresnel *f, pair hh, lane scale)
 {
-    pair c2 = { R(0.25) * hh.hi, R(0.25) * hh.lo };
+    pair c2 = {R(0.25) * hh.hi, R(0.25) * hh.lo};
     real t = R(0.25) * fresnel_root(f, hh);
     const lane product = R(f->eta * f->k);
     real c = root_from_zero(c2.hi), sine2 = (1 - c2.hi) - c2.lo;
@@ -119,7 +121,7 @@ INLINE lane fresnel_node(const struct kernel_fresnel *f, lane c, lane c_low)
 /* Lane by lane: looking up does not vectorise. */
 INLINE real fresnel_table(const struct kernel_fresnel *f, pair hh, lane scale)
 {
-    pair c2 = { R(0.25) * hh.hi, R(0.25) * hh.lo };
+    pair c2 = {R(0.25) * hh.hi, R(0.25) * hh.lo};
     real c = root_fine(c2.hi), rest = splat(0);
 #if COMPENSATED
     real residue = ((c2.hi - c * c) - product_error(c, c, c * c)) + c2.lo;

@@ -8,15 +8,15 @@
  */
 #include "loop.h"
 
-#define EVAL_LOOP(q, ndf, shape, masking)                                                       \
+#define EVAL_LOOP(q, ndf, shape, masking)                                                          \
     LOOP(q##_##ndf##_##shape##_##masking, ndf, shape, masking, (void)0, ONE_QUANTITY(q))
 /* One channel and a Fresnel kind known in advance. */
-#define FRESNEL_LOOP(q, ndf, shape, kind_)                                                      \
-    LOOP(q##_##ndf##_##shape##_##kind_, ndf, shape, SMITH,                                      \
-         const struct kernel_fresnel only = *job->fresnel; own.fresnel = &only;                 \
-         own.kind = FACET_FRESNEL_##kind_; own.channels = 1, ONE_QUANTITY(q))
+#define FRESNEL_LOOP(q, ndf, shape, kind_)                                                         \
+    LOOP(q##_##ndf##_##shape##_##kind_, ndf, shape, SMITH,                                         \
+         const struct kernel_fresnel only = *job->fresnel;                                         \
+         own.fresnel = &only; own.kind = FACET_FRESNEL_##kind_; own.channels = 1, ONE_QUANTITY(q))
 /* Both at once: what a renderer asks for. */
-#define FR_PDF_LOOP(ndf, shape)                                                                 \
+#define FR_PDF_LOOP(ndf, shape)                                                                    \
     LOOP(FR_PDF_##ndf##_##shape, ndf, shape, SMITH, (void)0, ONE_QUANTITY(FR) ONE_QUANTITY(PDF))
 #include "loops.def"
 #undef EVAL_LOOP
@@ -27,10 +27,12 @@
 
 extern const struct facet_kernels TABLE_NAME(kernels, FACET_TIER, FACET_IO, FACET_ISA);
 const struct facet_kernels TABLE_NAME(kernels, FACET_TIER, FACET_IO, FACET_ISA) = {
-#define EVAL_LOOP(q, ndf, shape, masking)                                                       \
-    .eval[KERNEL_##q][FACET_##ndf][KERNEL_##shape][KERNEL_##masking] = q##_##ndf##_##shape##_##masking,
-#define FRESNEL_LOOP(q, ndf, shape, kind)                                                       \
-    .fr_achromatic[FACET_##ndf][KERNEL_##shape][FACET_FRESNEL_##kind] = q##_##ndf##_##shape##_##kind,
+#define EVAL_LOOP(q, ndf, shape, masking)                                                          \
+    .eval[KERNEL_##q][FACET_##ndf][KERNEL_##shape][KERNEL_##masking] =                             \
+        q##_##ndf##_##shape##_##masking,
+#define FRESNEL_LOOP(q, ndf, shape, kind)                                                          \
+    .fr_achromatic[FACET_##ndf][KERNEL_##shape][FACET_FRESNEL_##kind] =                            \
+        q##_##ndf##_##shape##_##kind,
 #define FR_PDF_LOOP(ndf, shape) .fr_pdf[FACET_##ndf][KERNEL_##shape] = FR_PDF_##ndf##_##shape,
 #include "loops.def"
 };

@@ -55,15 +55,16 @@ struct kernel_surface {
     double alpha_x;
     double rho_alpha_y, rho_alpha_y_low;
     double kappa_alpha_y, kappa_alpha_y_low; /* kappa = sqrt(1 - rho^2) */
-    double det, det_low, root_det;       /* det = alpha_x alpha_y kappa */
-    double peak;                         /* 1/(pi det) */
-    double inverse_x, inverse_y;         /* 1 / alpha_x, 1 / (kappa alpha_y) */
-    double tilt;                         /* rho / (kappa alpha_x) */
-    double inverse_alpha2;               /* isotropic */
+    double det, det_low, root_det;           /* det = alpha_x alpha_y kappa */
+    double peak;                             /* 1/(pi det) */
+    double inverse_x, inverse_y;             /* 1 / alpha_x, 1 / (kappa alpha_y) */
+    double tilt;                             /* rho / (kappa alpha_x) */
+    double inverse_alpha2;                   /* isotropic */
     double slope_x, slope_y;
-    double mean;                         /* the mean slope in standard slopes, no less than its length there */
-    const struct kernel_table *table;    /* FACET_TABULATED only */
-    double cap_keep, cap_a2, cap_side;   /* bounded caps (sample.h): 1 - A^2, A^2 and the sign of |wo_xy| in q */
+    double mean; /* the mean slope in standard slopes, no less than its length there */
+    const struct kernel_table *table; /* FACET_TABULATED only */
+    double cap_keep, cap_a2,
+        cap_side; /* bounded caps (sample.h): 1 - A^2, A^2 and the sign of |wo_xy| in q */
 };
 
 /* One channel of a Fresnel term. */
@@ -71,7 +72,7 @@ struct kernel_fresnel {
     double f0;
     double eta, k;
     double excess, excess_low; /* eta^2 - k^2 - 1 and what its double lacks */
-    double least; /* F at normal incidence, or the smallest node */
+    double least;              /* F at normal incidence, or the smallest node */
     size_t count;
     const double *cos_theta_d, *values;
 };
@@ -118,7 +119,7 @@ struct kernel_job {
     /* Evaluation. */
     facet_fresnel_kind kind;
     size_t channels;
-    const struct kernel_fresnel *fresnel;  /* a channel each */
+    const struct kernel_fresnel *fresnel; /* a channel each */
     void *out[KERNEL_QUANTITY_COUNT][3];
 };
 
@@ -127,16 +128,19 @@ struct kernel_job {
  * short, a result too large): its result is not a number, and eval.c evaluates
  * it again in precise.
  */
-typedef bool kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
+typedef bool kernel_eval_fn(const struct kernel_surface *surface, const struct kernel_job *job,
+                            size_t n);
 /* How many draws hang on the last bits of a float: job->again has their places, and sample.c makes them again in exact32. */
-typedef size_t kernel_sample_fn(const struct kernel_surface *surface, const struct kernel_job *job, size_t n);
+typedef size_t kernel_sample_fn(const struct kernel_surface *surface, const struct kernel_job *job,
+                                size_t n);
 
 struct facet_kernels {
     kernel_eval_fn
         *eval[KERNEL_QUANTITY_COUNT][FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][KERNEL_MASKING_COUNT];
     /* SMITH alone; NULL: eval's. */
-    kernel_eval_fn *fr_achromatic[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][FACET_FRESNEL_COUNT]; /* one channel */
-    kernel_eval_fn *fr_pdf[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT];                             /* both at once */
+    kernel_eval_fn
+        *fr_achromatic[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT][FACET_FRESNEL_COUNT]; /* one channel */
+    kernel_eval_fn *fr_pdf[FACET_NDF_COUNT][KERNEL_SHAPE_COUNT];                  /* both at once */
 };
 
 enum { KERNEL_SAMPLER_COUNT = FACET_SAMPLER_TABLE }; /* table_sample.c draws TABLE, the last */

@@ -7,6 +7,8 @@
  * for.  Written out rather than left to the compiler: auto-vectorisation fails
  * silently and knows no reciprocal estimates.
  */
+/* One operation, one line. */
+/* clang-format off */
 #ifndef FACET_LANES_H
 #define FACET_LANES_H
 

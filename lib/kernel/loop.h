@@ -27,7 +27,7 @@ INLINE void store_at(void *array, size_t k, real x)
 
 INLINE struct vec3 load_vec3(const void *const v[3], size_t k)
 {
-    return (struct vec3){ load_at(v[0], k), load_at(v[1], k), load_at(v[2], k) };
+    return (struct vec3){load_at(v[0], k), load_at(v[1], k), load_at(v[2], k)};
 }
 
 INLINE void store_vec3(void *const v[3], size_t k, struct vec3 x)
@@ -45,16 +45,20 @@ INLINE struct doubles doubles_at(const void *array, size_t k)
 
 INLINE struct doubles sum_of(struct doubles a, struct doubles b)
 {
-    return (struct doubles){ { a.half[0] + b.half[0], a.half[1] + b.half[1] } };
+    return (struct doubles){{a.half[0] + b.half[0], a.half[1] + b.half[1]}};
 }
 
-INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+INLINE struct given load_pair(const struct kernel_surface *s, struct model m,
+                              const struct kernel_job *job, size_t k)
 {
-    struct doubles ix = doubles_at(job->wi[0], k), iy = doubles_at(job->wi[1], k), iz = doubles_at(job->wi[2], k);
-    struct doubles ox = doubles_at(job->wo[0], k), oy = doubles_at(job->wo[1], k), oz = doubles_at(job->wo[2], k);
-    struct given g = { .wi = { narrow(ix), narrow(iy), narrow(iz) },
-                       .wo = { narrow(ox), narrow(oy), narrow(oz) },
-                       .sum = { narrow(sum_of(ix, ox)), narrow(sum_of(iy, oy)), narrow(sum_of(iz, oz)) } };
+    struct doubles ix = doubles_at(job->wi[0], k), iy = doubles_at(job->wi[1], k),
+                   iz = doubles_at(job->wi[2], k);
+    struct doubles ox = doubles_at(job->wo[0], k), oy = doubles_at(job->wo[1], k),
+                   oz = doubles_at(job->wo[2], k);
+    struct given g = {
+        .wi = {narrow(ix), narrow(iy), narrow(iz)},
+        .wo = {narrow(ox), narrow(oy), narrow(oz)},
+        .sum = {narrow(sum_of(ix, ox)), narrow(sum_of(iy, oy)), narrow(sum_of(iz, oz))}};
     if (m.shape != KERNEL_SHEARED) return g;
     g.ci = mean_cosine_of_doubles(s, ix, iy, iz);
     g.co = mean_cosine_of_doubles(s, ox, oy, oz);
@@ -63,10 +67,11 @@ INLINE struct given load_pair(const struct kernel_surface *s, struct model m, co
 #else
 #define ROUNDS_INPUT 0
 
-INLINE struct given load_pair(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+INLINE struct given load_pair(const struct kernel_surface *s, struct model m,
+                              const struct kernel_job *job, size_t k)
 {
-    struct given g = { .wi = load_vec3(job->wi, k), .wo = load_vec3(job->wo, k) };
-    g.sum = (struct vec3){ g.wi.x + g.wo.x, g.wi.y + g.wo.y, g.wi.z + g.wo.z };
+    struct given g = {.wi = load_vec3(job->wi, k), .wo = load_vec3(job->wo, k)};
+    g.sum = (struct vec3){g.wi.x + g.wo.x, g.wi.y + g.wo.y, g.wi.z + g.wo.z};
     if (m.shape != KERNEL_SHEARED) return g;
 #if REAL_IS_FLOAT
     if (floats_will_do(m)) {
@@ -89,9 +94,10 @@ struct terms {
     struct half h;
 };
 
-INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, const struct kernel_job *job, size_t k)
+INLINE struct terms load_terms(const struct kernel_surface *s, struct model m,
+                               const struct kernel_job *job, size_t k)
 {
-    struct terms t = { .given = load_pair(s, m, job, k) };
+    struct terms t = {.given = load_pair(s, m, job, k)};
     t.i = direction_of(s, m.shape, t.given.wi, t.given.ci);
     t.o = direction_of(s, m.shape, t.given.wo, t.given.co);
     t.h = half_of(s, m.shape, &t.given);
@@ -110,7 +116,8 @@ INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, c
 #define SHORTEST2 R(0x1p-20)
 #define LARGEST R(1e24)
 #define LEAST_COSINE 0x1p-28
-#define LEAST_ROUNDED R(1e-37) /* above FLT_MIN: a double that is no less keeps its digits as a float */
+#define LEAST_ROUNDED                                                                              \
+    R(1e-37) /* above FLT_MIN: a double that is no less keeps its digits as a float */
 #else
 #define SHORTEST2 R(1e-60)
 #define LARGEST R(1e250)
@@ -123,31 +130,34 @@ INLINE struct terms load_terms(const struct kernel_surface *s, struct model m, c
  * nothing beside the multiplications, and one comparison; `value` comes last because
  * a minimum is its second operand where either is not a number.
  */
-INLINE real margin(struct model m, const struct kernel_surface *s, const struct terms *t, enum kernel_quantity q,
-                   real value)
+INLINE real margin(struct model m, const struct kernel_surface *s, const struct terms *t,
+                   enum kernel_quantity q, real value)
 {
     real least = t->h.hh - SHORTEST2;
     /* What was a cosine may have become 0. */
-    if (ROUNDS_INPUT) least = real_min(least, real_min(real_abs(t->i.z), real_abs(t->o.z)) - LEAST_ROUNDED);
+    if (ROUNDS_INPUT)
+        least = real_min(least, real_min(real_abs(t->i.z), real_abs(t->o.z)) - LEAST_ROUNDED);
     if (m.shape == KERNEL_SHEARED) {
         real least_z = real_min(t->i.z, t->o.z), c = real_abs(t->o.c);
         if (q == KERNEL_FR && m.masking == KERNEL_SMITH && REAL_IS_FLOAT)
             /* Below 0 for certain is as good as above: no light. */
             c = real_min(c, real_abs(real_min(least_z, t->i.c)));
         else if (REAL_IS_FLOAT)
-            c = real_min(real_min(c, real_abs(t->i.c)), real_min(real_abs(t->i.z), real_abs(t->o.z)));
+            c = real_min(real_min(c, real_abs(t->i.c)),
+                         real_min(real_abs(t->i.z), real_abs(t->o.z)));
         else
             c = real_min(c, real_abs(t->i.c));
         least = real_min(least, c - R(LEAST_COSINE * lean_of(s)));
         if (scales(m)) least = real_min(least, BEHIND_MAX + beckmann_cotangent(t->o).v);
     }
     bool from_below = q == KERNEL_PDF || q == KERNEL_D_VIS || q == KERNEL_SIGMA_O;
-    if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED) least = real_min(least, t->o.z);
+    if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED)
+        least = real_min(least, t->o.z);
     return real_min(least, LARGEST - value);
 }
 
-INLINE mask stray(struct model m, const struct kernel_surface *s, const struct terms *t, enum kernel_quantity q,
-                  real value)
+INLINE mask stray(struct model m, const struct kernel_surface *s, const struct terms *t,
+                  enum kernel_quantity q, real value)
 {
     return not_less(splat(0), margin(m, s, t, q, value));
 }
@@ -159,7 +169,8 @@ INLINE real marked(mask stray_, real value)
 
 /* ---- quantities ---------------------------------------------------------------------- */
 
-INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, real versine5, lane scale)
+INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, real versine5,
+                       lane scale)
 {
     const struct kernel_fresnel *f = &job->fresnel[channel];
     switch (job->kind) {
@@ -178,7 +189,7 @@ INLINE real fresnel_of(const struct kernel_job *job, size_t channel, pair hh, re
 INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q, size_t k,
                            const struct terms *t, real value, lane scale)
 {
-    pair hh = { splat(0), splat(0) };
+    pair hh = {splat(0), splat(0)};
     real v5 = splat(0);
     if (job->kind != FACET_FRESNEL_IDEAL) hh = angle_squared(&t->given, t->h);
     if (job->kind == FACET_FRESNEL_SCHLICK) {
@@ -188,7 +199,8 @@ INLINE void store_coloured(const struct kernel_job *job, enum kernel_quantity q,
     for (size_t c = 0; c < job->channels; c++) {
         if (!job->out[q][c]) continue;
         /* Where F times the scale may become denormal, the scale goes with the value. */
-        bool faint = REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL && job->fresnel[c].least * scale < FAINT;
+        bool faint = REAL_IS_FLOAT && job->kind != FACET_FRESNEL_IDEAL &&
+                     job->fresnel[c].least * scale < FAINT;
         lane own = faint ? 1 : scale;
         real scaled = value;
         if (faint) scaled = value * scale;
@@ -218,7 +230,7 @@ INLINE lane constant_of(struct model m, const struct kernel_surface *s, enum ker
     return bare ? factor_of(m, s) : R(1);
 }
 
-#define STORE_PLAIN(q) store_at(own.out[q][0], k, value * scale)
+#define STORE_PLAIN(q) store_at(own.out[q][0], k, value *scale)
 #define STORE_COLOURED(q) store_coloured(&own, q, k, &t, value, scale)
 #define STORE_FR STORE_COLOURED
 #define STORE_FR_COS STORE_COLOURED
@@ -234,36 +246,35 @@ INLINE lane constant_of(struct model m, const struct kernel_surface *s, enum ker
 #define STORE_CONDITION STORE_PLAIN
 
 /* The variable `value` of a LOOP, strays marked, to where it goes. */
-#define STORE_MARKED(q)                                                                         \
-    if (!COMPENSATED) {                                                                         \
-        mask out = stray(m, &s, &t, KERNEL_##q, value);                                         \
-        if (__builtin_expect(any(out), 0))                                                      \
-            value = marked(out, value), some = (mask)(some | out);                              \
-    }                                                                                           \
+#define STORE_MARKED(q)                                                                            \
+    if (!COMPENSATED) {                                                                            \
+        mask out = stray(m, &s, &t, KERNEL_##q, value);                                            \
+        if (__builtin_expect(any(out), 0)) value = marked(out, value), some = (mask)(some | out);  \
+    }                                                                                              \
     STORE_##q(KERNEL_##q);
 
-#define ONE_QUANTITY(q)                                                                         \
-    {                                                                                           \
-        scale = constant_of(m, &s, KERNEL_##q);                                                 \
-        real value = quantity_##q(m, &s, t.i, t.o, t.h);                                        \
-        STORE_MARKED(q)                                                                         \
+#define ONE_QUANTITY(q)                                                                            \
+    {                                                                                              \
+        scale = constant_of(m, &s, KERNEL_##q);                                                    \
+        real value = quantity_##q(m, &s, t.i, t.o, t.h);                                           \
+        STORE_MARKED(q)                                                                            \
     }
 
 /* The quantities of one loop share what they have in common. */
-#define LOOP(name, ndf_, shape_, masking_, fixed, quantities)                                   \
+#define LOOP(name, ndf_, shape_, masking_, fixed, quantities)                                      \
     static bool name(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
-    {                                                                                           \
-        const struct kernel_surface s = *surface;                                               \
-        struct kernel_job own = *job;                                                           \
-        const struct model m = { FACET_##ndf_, KERNEL_##shape_, KERNEL_##masking_ };            \
-        mask some = less(splat(0), splat(0));                                                   \
-        fixed;                                                                                  \
-        for (size_t k = 0; k < n; k += LANES) {                                                 \
-            struct terms t = load_terms(&s, m, &own, k);                                        \
-            lane scale = 1;                                                                     \
-            quantities                                                                          \
-        }                                                                                       \
-        return any(some);                                                                       \
+    {                                                                                              \
+        const struct kernel_surface s = *surface;                                                  \
+        struct kernel_job own = *job;                                                              \
+        const struct model m = {FACET_##ndf_, KERNEL_##shape_, KERNEL_##masking_};                 \
+        mask some = less(splat(0), splat(0));                                                      \
+        fixed;                                                                                     \
+        for (size_t k = 0; k < n; k += LANES) {                                                    \
+            struct terms t = load_terms(&s, m, &own, k);                                           \
+            lane scale = 1;                                                                        \
+            quantities                                                                             \
+        }                                                                                          \
+        return any(some);                                                                          \
     }
 
 #endif

@@ -49,27 +49,27 @@ INLINE bool floats_will_do(struct model m)
 /* D / factor_of where H points up; elsewhere anything. */
 INLINE struct fraction bare_density(struct model m, const struct kernel_surface *s, struct half h)
 {
-    struct fraction d = { splat(0), splat(1) };
+    struct fraction d = {splat(0), splat(1)};
     if (m.ndf == FACET_GGX)
         d = ggx_density(m.shape, h);
     else
         d.num = m.ndf == FACET_BECKMANN ? beckmann_density(s, m.shape, h) : table_density(s, h);
-    return COMPENSATED ? (struct fraction){ d.num * peak_of(m, s), d.den } : d;
+    return COMPENSATED ? (struct fraction){d.num * peak_of(m, s), d.den} : d;
 }
 
-INLINE struct fraction bare_density_scaled(struct model m, const struct kernel_surface *s, struct half h,
-                                           struct direction o)
+INLINE struct fraction bare_density_scaled(struct model m, const struct kernel_surface *s,
+                                           struct half h, struct direction o)
 {
     if (!scales(m)) return bare_density(m, s, h);
     real d = beckmann_density_scaled(s, h, o);
-    return (struct fraction){ COMPENSATED ? d * peak_of(m, s) : d, splat(1) };
+    return (struct fraction){COMPENSATED ? d * peak_of(m, s) : d, splat(1)};
 }
 
 /* D. */
 INLINE struct fraction density(struct model m, const struct kernel_surface *s, struct half h)
 {
     struct fraction d = bare_density(m, s, h);
-    return (struct fraction){ d.num * factor_of(m, s), d.den };
+    return (struct fraction){d.num * factor_of(m, s), d.den};
 }
 
 INLINE real excess(struct model m, const struct kernel_surface *s, struct direction k)
@@ -138,16 +138,18 @@ INLINE lane smith_factor(struct model m)
  * height-correlated, energy-safe.  What it is the quotient of is free: factors that both
  * have are dropped.
  */
-INLINE struct fraction smith(struct model m, const struct kernel_surface *s, struct direction i, struct direction o)
+INLINE struct fraction smith(struct model m, const struct kernel_surface *s, struct direction i,
+                             struct direction o)
 {
     if (m.ndf == FACET_GGX) return ggx_smith(i, o);
     if (m.ndf == FACET_BECKMANN && m.shape == KERNEL_SHEARED) return beckmann_smith(i, o);
     real front = madd(real_max(o.c, splat(0)), i.c + front_excess(m, s, i), excess(m, s, o) * i.c);
-    return (struct fraction){ i.c, front };
+    return (struct fraction){i.c, front};
 }
 
 /* Its denominator on a central surface, where both are lit. */
-INLINE real smith_front(struct model m, const struct kernel_surface *s, struct direction i, struct direction o)
+INLINE real smith_front(struct model m, const struct kernel_surface *s, struct direction i,
+                        struct direction o)
 {
     if (m.ndf == FACET_GGX) return ggx_smith_front(i, o);
     if (m.ndf == FACET_BECKMANN) return beckmann_smith_front(i, o);
@@ -163,7 +165,7 @@ INLINE struct thesis thesis_denominator(struct model m, const struct kernel_surf
                                         struct direction i, struct direction o)
 {
     real zi = i.z, zo = o.z, so = sigma(m, s, o), si = sigma(m, s, i);
-    return (struct thesis){ so * zi + zo * (si - zi), so * zi + zo * (si + zi) };
+    return (struct thesis){so * zi + zo * (si - zi), so * zi + zo * (si + zi)};
 }
 
 /* H_z / |H|^2. */
@@ -187,20 +189,20 @@ INLINE struct fraction reflect(struct model m, const struct kernel_surface *s, s
 {
     switch (m.masking) {
     case KERNEL_SMITH:
-        if (m.shape != KERNEL_SHEARED) return (struct fraction){ i.c, smith_factor(m) * smith_front(m, s, i, o) };
+        if (m.shape != KERNEL_SHEARED)
+            return (struct fraction){i.c, smith_factor(m) * smith_front(m, s, i, o)};
         struct fraction f = smith(m, s, i, o);
-        return (struct fraction){ select(less(splat(0), i.c), f.num, splat(0)), smith_factor(m) * f.den };
+        return (struct fraction){select(less(splat(0), i.c), f.num, splat(0)),
+                                 smith_factor(m) * f.den};
     case KERNEL_UNCORRELATED:
-        return (struct fraction){ i.c, 4 * sigma(m, s, i) * (scaled ? sigma_scaled(m, s, o) : sigma(m, s, o)) };
-    case KERNEL_VGROOVE:
-        return (struct fraction){ vgroove_visible(h, real_min(i.c, o.c)), 4 * o.c };
-    case KERNEL_NONE:
-        return (struct fraction){ h.scale * h.hz, 2 * h.hh };
+        return (struct fraction){i.c, 4 * sigma(m, s, i) *
+                                          (scaled ? sigma_scaled(m, s, o) : sigma(m, s, o))};
+    case KERNEL_VGROOVE: return (struct fraction){vgroove_visible(h, real_min(i.c, o.c)), 4 * o.c};
+    case KERNEL_NONE: return (struct fraction){h.scale * h.hz, 2 * h.hh};
     case KERNEL_SMITH_THESIS:
-        return (struct fraction){ i.z, 4 * thesis_denominator(m, s, i, o).denominator };
+        return (struct fraction){i.z, 4 * thesis_denominator(m, s, i, o).denominator};
     case KERNEL_UNCORRELATED_THESIS:
-    default:
-        return (struct fraction){ i.z, 4 * sigma(m, s, i) * sigma(m, s, o) };
+    default: return (struct fraction){i.z, 4 * sigma(m, s, i) * sigma(m, s, o)};
     }
 }
 
@@ -222,7 +224,8 @@ INLINE real value_of(struct fraction f)
 #define LEAST_VALUE (REAL_IS_FLOAT ? 1e-35 : 1e-250)
 INLINE real counted(struct model m, lane factor, real where, real value)
 {
-    if (m.ndf == FACET_BECKMANN && !COMPENSATED) where = real_min(value - R(LEAST_VALUE) / factor, where);
+    if (m.ndf == FACET_BECKMANN && !COMPENSATED)
+        where = real_min(value - R(LEAST_VALUE) / factor, where);
     return select(less(splat(0), where), value, splat(0));
 }
 
@@ -246,7 +249,8 @@ INLINE real bare_fr_cos(struct model m, const struct kernel_surface *s, struct d
 /* Smith's fr leaves more constants for last. */
 INLINE lane fr_factor(struct model m, const struct kernel_surface *s)
 {
-    bool more = m.masking == KERNEL_SMITH && (m.shape != KERNEL_SHEARED || REAL_IS_FLOAT) && !COMPENSATED;
+    bool more = m.masking == KERNEL_SMITH && (m.shape != KERNEL_SHEARED || REAL_IS_FLOAT) &&
+                !COMPENSATED;
     return factor_of(m, s) / (more ? smith_factor(m) : R(1));
 }
 
@@ -258,7 +262,8 @@ INLINE real bare_fr(struct model m, const struct kernel_surface *s, struct direc
         struct fraction d = bare_density(m, s, h);
         real front = smith_front(m, s, i, o);
         if (COMPENSATED) front = smith_factor(m) * front;
-        return counted(m, fr_factor(m, s), real_min(i.z, o.z), saturated(quotient(d.num, d.den * front)));
+        return counted(m, fr_factor(m, s), real_min(i.z, o.z),
+                       saturated(quotient(d.num, d.den * front)));
     }
 #if REAL_IS_FLOAT /* cosines are not so small that it matters what is multiplied first */
     if (m.masking == KERNEL_SMITH) {
@@ -277,7 +282,8 @@ INLINE real bare_pdf(struct model m, const struct kernel_surface *s, struct dire
 {
     (void)i;
     struct fraction d = bare_density_scaled(m, s, h, o);
-    real value = saturated(quotient(d.num, d.den * real_max(4 * sigma_scaled(m, s, o), splat(REAL_MIN))));
+    real value = saturated(
+        quotient(d.num, d.den * real_max(4 * sigma_scaled(m, s, o), splat(REAL_MIN))));
     return counted(m, factor_of(m, s), h.hz, value);
 }
 
@@ -292,18 +298,22 @@ INLINE real bare_d_vis(struct model m, const struct kernel_surface *s, struct di
                        struct direction o, struct half h)
 {
     (void)i;
-    real length = root_from_zero(h.hh);                               /* |H| times scale */
-    real facing_o = R(0.5) * quotient(length, h.scale);      /* wo.h, that is cos theta_d */
+    real length = root_from_zero(h.hh);                 /* |H| times scale */
+    real facing_o = R(0.5) * quotient(length, h.scale); /* wo.h, that is cos theta_d */
     if (m.masking == KERNEL_VGROOVE)
-        return facing_up(h, saturated(saturated(value_of(bare_density(m, s, h))) * ratio(facing_o * vgroove_visible(h, o.c), o.c)));
+        return facing_up(h, saturated(saturated(value_of(bare_density(m, s, h))) *
+                                      ratio(facing_o * vgroove_visible(h, o.c), o.c)));
     if (m.masking == KERNEL_NONE)
-        return facing_up(h, saturated(value_of(bare_density(m, s, h))) * quotient(h.hz, real_max(length, splat(REAL_MIN))));
+        return facing_up(h, saturated(value_of(bare_density(m, s, h))) *
+                                quotient(h.hz, real_max(length, splat(REAL_MIN))));
     struct fraction d = bare_density_scaled(m, s, h, o);
-    real value = saturated(quotient(d.num * facing_o, d.den * real_max(sigma_scaled(m, s, o), splat(REAL_MIN))));
+    real value = saturated(
+        quotient(d.num * facing_o, d.den * real_max(sigma_scaled(m, s, o), splat(REAL_MIN))));
     return counted(m, factor_of(m, s), h.hz, value);
 }
 
-INLINE real quantity_fr(struct model m, const struct kernel_surface *s, struct direction i, struct direction o, struct half h)
+INLINE real quantity_fr(struct model m, const struct kernel_surface *s, struct direction i,
+                        struct direction o, struct half h)
 {
     return bare_fr(m, s, i, o, h) * fr_factor(m, s);
 }
@@ -314,7 +324,7 @@ INLINE real unscale(struct model m, struct direction k, real quotient_)
     if (!scales(m)) return quotient_;
     /* exp(v^2) in two halves: it may be too large where the product is not. */
     pair v2 = beckmann_v2(k);
-    real half = real_max(exp_minus_pair((pair){ R(0.5) * v2.hi, R(0.5) * v2.lo }), splat(REAL_MIN));
+    real half = real_max(exp_minus_pair((pair){R(0.5) * v2.hi, R(0.5) * v2.lo}), splat(REAL_MIN));
     real unscaled = saturated(quotient(quotient(quotient_, half), half));
     return select(less(k.c, splat(0)), unscaled, quotient_);
 }
@@ -329,11 +339,13 @@ INLINE real quantity_g(struct model m, const struct kernel_surface *s, struct di
 }
 
 /* G1 of D_vis = G1 <k, h> D / z_k. */
-INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct direction k, struct half h)
+INLINE real quantity_g1(struct model m, const struct kernel_surface *s, struct direction k,
+                        struct half h)
 {
     if (m.masking == KERNEL_VGROOVE) return ratio(k.z * vgroove_visible(h, k.c), k.c);
     if (m.masking == KERNEL_NONE)
-        return 2 * real_max(k.z, splat(0)) * real_min(real_max(facing(h), splat(0)), splat(REAL_MAX / 4));
+        return 2 * real_max(k.z, splat(0)) *
+               real_min(real_max(facing(h), splat(0)), splat(REAL_MAX / 4));
     return unscale(m, k, ratio(k.z, sigma_scaled(m, s, k)));
 }
 

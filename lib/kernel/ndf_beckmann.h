@@ -29,9 +29,10 @@ INLINE pair beckmann_v2(struct direction k)
 {
 #if COMPENSATED
     pair c2 = pair_product(k.c, k.c, 2 * k.c_low);
-    return pair_quotient(c2, (pair){ real_max(k.s2, splat(REAL_MIN)), k.s2_low });
+    return pair_quotient(c2, (pair){real_max(k.s2, splat(REAL_MIN)), k.s2_low});
 #else
-    return (pair){ R(EXPONENT_UNIT) * quotient_fine(k.c * k.c, real_max(k.s2, splat(REAL_MIN))), splat(0) };
+    return (pair){R(EXPONENT_UNIT) * quotient_fine(k.c * k.c, real_max(k.s2, splat(REAL_MIN))),
+                  splat(0)};
 #endif
 }
 
@@ -74,10 +75,11 @@ INLINE struct fraction beckmann_smith(struct direction i, struct direction o)
 #if REAL_IS_FLOAT
     struct cotangent t = beckmann_cotangent(o);
     real front = madd(up, to_i, i.c * (t.s * excess_front(t.v)));
-    return (struct fraction){ select(behind, inverse_psi(-t.v), i.c), select(behind, t.s, front) };
+    return (struct fraction){select(behind, inverse_psi(-t.v), i.c), select(behind, t.s, front)};
 #else
     real to = beckmann_excess_scaled(o);
-    return (struct fraction){ select(behind, splat(1), i.c), select(behind, to, madd(up, to_i, i.c * to)) };
+    return (struct fraction){select(behind, splat(1), i.c),
+                             select(behind, to, madd(up, to_i, i.c * to))};
 #endif
 }
 
@@ -88,16 +90,19 @@ INLINE real beckmann_smith_front(struct direction i, struct direction o)
 }
 
 /* x^2 + y^2 over z^2, in EXPONENT_UNIT; inverse2: 1/H_z^2. */
-INLINE pair beckmann_exponent(const struct kernel_surface *s, enum kernel_shape shape, struct half h, real inverse2)
+INLINE pair beckmann_exponent(const struct kernel_surface *s, enum kernel_shape shape,
+                              struct half h, real inverse2)
 {
 #if COMPENSATED
     (void)inverse2;
     pair flat = pair_add(pair_multiply(h.wide_x, h.wide_x), pair_multiply(h.wide_y, h.wide_y));
-    pair z = shape == KERNEL_ISO ? pair_multiply(h.wide_z, (pair){ splat(s->alpha_x), splat(0) }) : h.wide_z;
+    pair z = shape == KERNEL_ISO ? pair_multiply(h.wide_z, (pair){splat(s->alpha_x), splat(0)})
+                                 : h.wide_z;
     return pair_quotient(flat, pair_multiply(z, z));
 #else
-    if (shape == KERNEL_ISO) return (pair){ h.flat * R(EXPONENT_UNIT * s->inverse_alpha2) * inverse2, splat(0) };
-    return (pair){ madd(h.x, h.x, h.y * h.y) * R(EXPONENT_UNIT) * inverse2, splat(0) };
+    if (shape == KERNEL_ISO)
+        return (pair){h.flat * R(EXPONENT_UNIT * s->inverse_alpha2) * inverse2, splat(0)};
+    return (pair){madd(h.x, h.x, h.y * h.y) * R(EXPONENT_UNIT) * inverse2, splat(0)};
 #endif
 }
 
@@ -130,17 +135,19 @@ INLINE real beckmann_density(const struct kernel_surface *s, enum kernel_shape s
  * in the other tiers where |v_o| is no larger than BEHIND_MAX, which the kernel
  * calls a stray.
  */
-INLINE real beckmann_density_scaled(const struct kernel_surface *s, struct half h, struct direction o)
+INLINE real beckmann_density_scaled(const struct kernel_surface *s, struct half h,
+                                    struct direction o)
 {
     real inverse2 = recip_fine(h.hz * h.hz);
     pair t = beckmann_exponent(s, KERNEL_SHEARED, h, inverse2), v2 = beckmann_v2(o);
     mask behind = less(o.c, splat(0));
 #if COMPENSATED
     if (!any(behind)) return beckmann_value(h, inverse2, t);
-    pair rest = pair_add(t, (pair){ -v2.hi, -v2.lo });
+    pair rest = pair_add(t, (pair){-v2.hi, -v2.lo});
     mask some = less(splat(-BEYOND_MAX), rest.hi);
-    rest = (pair){ select(some, rest.hi, splat(-BEYOND_MAX)), select(some, rest.lo, splat(0)) };
-    return beckmann_value(h, inverse2, (pair){ select(behind, rest.hi, t.hi), select(behind, rest.lo, t.lo) });
+    rest = (pair){select(some, rest.hi, splat(-BEYOND_MAX)), select(some, rest.lo, splat(0))};
+    return beckmann_value(h, inverse2,
+                          (pair){select(behind, rest.hi, t.hi), select(behind, rest.lo, t.lo)});
 #else
     t.hi = select(behind, real_max(t.hi - v2.hi, splat(R(-BEYOND_MAX))), t.hi);
     return beckmann_value(h, inverse2, t);

@@ -16,7 +16,7 @@
 INLINE struct fraction ggx_density(enum kernel_shape shape, struct half h)
 {
     real sum = standard_square(shape, h);
-    return (struct fraction){ h.hh * h.hh, sum * sum };
+    return (struct fraction){h.hh * h.hh, sum * sum};
 }
 
 INLINE real ggx_length(struct direction k)
@@ -41,7 +41,7 @@ INLINE struct fraction ggx_smith(struct direction i, struct direction o)
 {
     real ro = ggx_length(o), front = madd(o.c, ggx_length(i), i.c * ro);
     mask behind = less(o.c, splat(0));
-    return (struct fraction){ select(behind, ro - o.c, i.c), select(behind, o.s2, front) };
+    return (struct fraction){select(behind, ro - o.c, i.c), select(behind, o.s2, front)};
 }
 
 /* The denominator where c > 0 is known of both. */

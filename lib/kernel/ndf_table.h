@@ -53,7 +53,8 @@ INLINE real half_turn_of(real x, real y)
     real q = quotient(real_min(ax, ay), real_max(real_max(ax, ay), splat(REAL_MIN)));
     real beyond = quotient(q - splat(1), q + splat(1)); /* tan of what is left of the eighth */
     real z = select(less(splat(R(ATAN_END)), q), beyond, q);
-    real a = madd(z, POLY(ATAN_PRECISE, z * z), select(less(splat(R(ATAN_END)), q), splat(R(0.25)), splat(0)));
+    real a = madd(z, POLY(ATAN_PRECISE, z * z),
+                  select(less(splat(R(ATAN_END)), q), splat(R(0.25)), splat(0)));
     a = select(less(ax, ay), splat(R(0.5)) - a, a);
     return select(less(x * y, splat(0)), splat(1) - a, a);
 }
@@ -67,11 +68,13 @@ INLINE real exp_any(real x)
 /* Even in H, as the other distributions are: pdf_ndf turns it up. */
 INLINE real table_density(const struct kernel_surface *s, struct half h)
 {
-    real r = root_from_zero(madd(h.x, h.x, h.y * h.y)), bz = R(s->table->slope_scale) * real_abs(h.z);
+    real r = root_from_zero(madd(h.x, h.x, h.y * h.y)),
+         bz = R(s->table->slope_scale) * real_abs(h.z);
     real inverse = recip(bz + r), near = R(s->table->slope_scale) * inverse;
     real q = R(SQRT_PI) * h.hh * near * near, u = r * inverse;
     struct kernel_sheet sheet = s->table->turned_q;
-    real log_q = sheet.turns ? sheet_at(sheet, u, half_turn_of(h.x, h.y)) : cubic_at(s->table->log_q, u);
+    real log_q = sheet.turns ? sheet_at(sheet, u, half_turn_of(h.x, h.y))
+                             : cubic_at(s->table->log_q, u);
     return q * q * exp_any(log_q);
 }
 
@@ -80,8 +83,9 @@ INLINE real table_excess(const struct kernel_surface *s, struct direction k)
     real length = R(s->table->slope_scale) * root_from_zero(k.s2);
     real whole = real_max(length + real_abs(k.c), splat(REAL_MIN)), w = quotient(length, whole);
     struct kernel_sheet sheet = s->table->turned_psi;
-    real log_psi = sheet.turns ? sheet_at(sheet, quotient(real_abs(k.c), whole), half_turn_of(k.a, k.b))
-                               : cubic_at(s->table->log_psi, w);
+    real log_psi = sheet.turns
+                       ? sheet_at(sheet, quotient(real_abs(k.c), whole), half_turn_of(k.a, k.b))
+                       : cubic_at(s->table->log_psi, w);
     return length * w * exp_any(log_psi);
 }
 

@@ -74,9 +74,21 @@ INLINE real root_refined(real x, int how)
     return madd(R(0.5) * s, madd(R(0.75) * e, e, e), s);
 }
 #else
-INLINE real recip_refined(real x, int how) { (void)how; return 1 / x; }
-INLINE real rsqrt_refined(real x, int how) { (void)how; return 1 / real_sqrt(x); }
-INLINE real root_refined(real x, int how) { (void)how; return real_sqrt(x); }
+INLINE real recip_refined(real x, int how)
+{
+    (void)how;
+    return 1 / x;
+}
+INLINE real rsqrt_refined(real x, int how)
+{
+    (void)how;
+    return 1 / real_sqrt(x);
+}
+INLINE real root_refined(real x, int how)
+{
+    (void)how;
+    return real_sqrt(x);
+}
 #endif
 
 /* 1/x, x > 0 (no less than REAL_MIN). */
@@ -103,7 +115,8 @@ INLINE real root(real x)
 
 INLINE real root_from_zero(real x)
 {
-    return REFINE == REFINE_EXACT ? real_sqrt(x) : root_refined(real_max(x, splat(REAL_MIN)), REFINE);
+    return REFINE == REFINE_EXACT ? real_sqrt(x)
+                                  : root_refined(real_max(x, splat(REAL_MIN)), REFINE);
 }
 
 /* To rounding in draft too: for what a difference or an exponent will magnify. */
@@ -132,11 +145,11 @@ INLINE struct cotangent cotangent_of(real c, real s2)
 #if HAS_ESTIMATES
     if (REAL_IS_FLOAT ? DRAFT : REFINE == REFINE_HALLEY) {
         real inverse = DRAFT ? rsqrt_estimate(s2) : rsqrt(s2);
-        return (struct cotangent){ s2 * inverse, c * inverse };
+        return (struct cotangent){s2 * inverse, c * inverse};
     }
 #endif
     real s = root(s2);
-    return (struct cotangent){ s, quotient(c, s) };
+    return (struct cotangent){s, quotient(c, s)};
 }
 
 /* ---- pairs: unevaluated sums hi + lo --------------------------------------------- */
@@ -149,7 +162,7 @@ typedef struct pair {
 INLINE pair pair_sum(real a, real b)
 {
     real s = a + b, t = s - a;
-    return (pair){ s, (a - (s - t)) + (b - t) };
+    return (pair){s, (a - (s - t)) + (b - t)};
 }
 
 INLINE real product_error(real a, real b, real p)
@@ -165,27 +178,28 @@ INLINE real product_error(real a, real b, real p)
 INLINE pair pair_product(real a, real b, real b_low)
 {
     real p = a * b;
-    return (pair){ p, product_error(a, b, p) + a * b_low };
+    return (pair){p, product_error(a, b, p) + a * b_low};
 }
 
 /* hi the sum rounded, lo the rest, for |lo| below |hi|. */
 INLINE pair pair_normalise(pair a)
 {
     real s = a.hi + a.lo;
-    return (pair){ s, a.lo - (s - a.hi) };
+    return (pair){s, a.lo - (s - a.hi)};
 }
 
 /* Normalised: where the first parts cancel, the second are no longer small. */
 INLINE pair pair_add(pair a, pair b)
 {
     pair s = pair_sum(a.hi, b.hi);
-    return pair_normalise((pair){ s.hi, s.lo + (a.lo + b.lo) });
+    return pair_normalise((pair){s.hi, s.lo + (a.lo + b.lo)});
 }
 
 INLINE pair pair_multiply(pair a, pair b)
 {
-    real p = a.hi * b.hi, rest = madd(a.hi, b.lo, madd(a.lo, b.hi, product_error(a.hi, b.hi, p))), s = p + rest;
-    return (pair){ s, rest - (s - p) };
+    real p = a.hi * b.hi, rest = madd(a.hi, b.lo, madd(a.lo, b.hi, product_error(a.hi, b.hi, p))),
+         s = p + rest;
+    return (pair){s, rest - (s - p)};
 }
 
 /* a / b to about the digits of a pair. */
@@ -193,7 +207,7 @@ INLINE pair pair_quotient(pair a, pair b)
 {
     real q = a.hi / b.hi, p = q * b.hi;
     real rest = ((a.hi - p) - product_error(q, b.hi, p)) + (a.lo - q * b.lo);
-    return (pair){ q, rest / b.hi };
+    return (pair){q, rest / b.hi};
 }
 
 INLINE real pair_round(pair a)
@@ -207,25 +221,48 @@ INLINE real pair_round(pair a)
 
 typedef pair wide;
 
-INLINE wide wide_of(real a) { return (pair){ a, splat(0) }; }
-INLINE real wide_round(wide a) { return pair_round(a); }
+INLINE wide wide_of(real a)
+{
+    return (pair){a, splat(0)};
+}
+INLINE real wide_round(wide a)
+{
+    return pair_round(a);
+}
 /* a (b + b_low). */
 INLINE wide wide_scale(wide a, double b, double b_low)
 {
     pair p = pair_product(a.hi, splat(b), splat(b_low));
-    return (pair){ p.hi, madd(a.lo, splat(b), p.lo) };
+    return (pair){p.hi, madd(a.lo, splat(b), p.lo)};
 }
 
-INLINE wide wide_madd(wide a, double b, double b_low, wide c) { return pair_add(wide_scale(a, b, b_low), c); }
+INLINE wide wide_madd(wide a, double b, double b_low, wide c)
+{
+    return pair_add(wide_scale(a, b, b_low), c);
+}
 
 #else
 
 typedef real wide;
 
-INLINE wide wide_of(real a) { return a; }
-INLINE real wide_round(wide a) { return a; }
-INLINE wide wide_scale(wide a, double b, double b_low) { (void)b_low; return a * R(b); }
-INLINE wide wide_madd(wide a, double b, double b_low, wide c) { (void)b_low; return madd(a, splat(R(b)), c); }
+INLINE wide wide_of(real a)
+{
+    return a;
+}
+INLINE real wide_round(wide a)
+{
+    return a;
+}
+INLINE wide wide_scale(wide a, double b, double b_low)
+{
+    (void)b_low;
+    return a * R(b);
+}
+INLINE wide wide_madd(wide a, double b, double b_low, wide c)
+{
+    (void)b_low;
+    return madd(a, splat(R(b)), c);
+}
 
 #endif
 

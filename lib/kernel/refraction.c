@@ -84,8 +84,7 @@ INLINE void reflect_light(struct model m, const struct kernel_surface *s,
         l->stray = (mask)(l->stray | stray(m, s, t, KERNEL_FR_COS, bare));
         l->fr_cos = bare * factor_of(m, s) * fresnel;
     }
-    if (wants(job, REFRACTION_WEIGHT))
-        l->weight = quantity_weight(m, s, t->i, t->o, t->h);
+    if (wants(job, REFRACTION_WEIGHT)) l->weight = quantity_weight(m, s, t->i, t->o, t->h);
 }
 
 INLINE struct lobe reflected_lobe(struct model m, const struct kernel_surface *s,
@@ -109,11 +108,14 @@ INLINE struct lobe reflected_lobe(struct model m, const struct kernel_surface *s
 }
 
 /* D / sigma(wo) of M times what the index makes of it.  What counts as 0 is known of the product alone: the Jacobian may be large. */
-INLINE real transmitted_density(struct model m, const struct kernel_surface *s, const struct terms *t, real where, real spread)
+INLINE real transmitted_density(struct model m, const struct kernel_surface *s,
+                                const struct terms *t, real where, real spread)
 {
     struct fraction d = bare_density_scaled(m, s, t->h, t->o);
-    real seen = saturated(quotient(d.num, d.den * real_max(sigma_scaled(m, s, t->o), splat(REAL_MIN))));
-    return counted(m, factor_of(m, s), where, saturated(seen * saturated(spread))) * factor_of(m, s);
+    real seen = saturated(
+        quotient(d.num, d.den * real_max(sigma_scaled(m, s, t->o), splat(REAL_MIN))));
+    return counted(m, factor_of(m, s), where, saturated(seen * saturated(spread))) *
+           factor_of(m, s);
 }
 
 /* A cosine of M that a `wider` rounding decides about. */
@@ -141,10 +143,10 @@ INLINE struct lobe transmitted_lobe(struct model m, const struct kernel_surface 
                         wants(job, REFRACTION_WEIGHT) || wants(job, REFRACTION_MASKING);
     if (!lights || !any(p->across)) return l;
     mask unsure;
-    real scale =
-        select(p->sides.below, splat(R(job->side[BELOW].scale)), splat(R(job->side[ABOVE].scale)));
-    l.weight =
-        select(p->across, crossing_weight(m, s, t.i, t.o, job->is_correlated, &unsure), splat(0));
+    real scale = select(p->sides.below, splat(R(job->side[BELOW].scale)),
+                        splat(R(job->side[ABOVE].scale)));
+    l.weight = select(p->across, crossing_weight(m, s, t.i, t.o, job->is_correlated, &unsure),
+                      splat(0));
     l.stray = (mask)(l.stray | (unsure & p->across & less(splat(0), l.pdf)));
     l.fr_cos = saturated(l.pdf * l.weight * scale);
     if (wants(job, REFRACTION_FR)) l.fr = ratio(l.fr_cos, real_abs(p->zi));
@@ -158,7 +160,8 @@ INLINE void put(const struct kernel_refraction *job, enum refraction_output whic
 }
 
 /* Densities of a sample: the lobe that was chosen has that of its normal, which a rounded wi no longer tells next to n = 1. */
-INLINE void choose_densities(const struct kernel_refraction *job, size_t k, struct lobe *r, struct lobe *t)
+INLINE void choose_densities(const struct kernel_refraction *job, size_t k, struct lobe *r,
+                             struct lobe *t)
 {
     if (!job->chosen) return;
     real own = load_at(job->chosen, k);
@@ -167,26 +170,34 @@ INLINE void choose_densities(const struct kernel_refraction *job, size_t k, stru
 }
 
 /* fr cos theta_i / pdf, no more than 1 with IMPORTANCE: a share of the density times what masking keeps. */
-INLINE real weight_of(const struct kernel_refraction *job, const struct turned *p, struct lobe r, struct lobe t, real pdf)
+INLINE real weight_of(const struct kernel_refraction *job, const struct turned *p, struct lobe r,
+                      struct lobe t, real pdf)
 {
-    real scale = select(p->sides.below, splat(R(job->side[BELOW].scale)), splat(R(job->side[ABOVE].scale)));
-    real own = select(p->across, t.pdf, r.pdf), kept = select(p->across, t.weight * scale, r.weight);
-    return select(less(splat(0), pdf), quotient(own, real_max(pdf, splat(REAL_MIN))) * kept, splat(0));
+    real scale = select(p->sides.below, splat(R(job->side[BELOW].scale)),
+                        splat(R(job->side[ABOVE].scale)));
+    real own = select(p->across, t.pdf, r.pdf),
+         kept = select(p->across, t.weight * scale, r.weight);
+    return select(less(splat(0), pdf), quotient(own, real_max(pdf, splat(REAL_MIN))) * kept,
+                  splat(0));
 }
 
 /* Returns what the tiers below precise leave to it. */
-INLINE mask store_lobes(const struct kernel_refraction *job, size_t k, const struct turned *p, struct lobe r, struct lobe t)
+INLINE mask store_lobes(const struct kernel_refraction *job, size_t k, const struct turned *p,
+                        struct lobe r, struct lobe t)
 {
     const mask across = p->across;
     choose_densities(job, k, &r, &t);
-    real fr = select(across, t.fr, r.fr), fr_cos = select(across, t.fr_cos, r.fr_cos), pdf = saturated(r.pdf + t.pdf);
+    real fr = select(across, t.fr, r.fr), fr_cos = select(across, t.fr_cos, r.fr_cos),
+         pdf = saturated(r.pdf + t.pdf);
     real weight = weight_of(job, p, r, t, pdf);
     mask some = less(splat(0), splat(0));
     if (!COMPENSATED) {
-        mask either = (mask)(r.stray | t.stray), own = (mask)((across & t.stray) | ((mask)~across & r.stray));
+        mask either = (mask)(r.stray | t.stray),
+             own = (mask)((across & t.stray) | ((mask)~across & r.stray));
         some = wants_densities(job) ? either : own;
         if (__builtin_expect(any(some), 0))
-            pdf = marked(either, pdf), weight = marked(either, weight), fr_cos = marked(own, fr_cos), fr = marked(own, fr);
+            pdf = marked(either, pdf), weight = marked(either, weight),
+            fr_cos = marked(own, fr_cos), fr = marked(own, fr);
     }
     put(job, REFRACTION_FR, k, fr);
     put(job, REFRACTION_FR_COS, k, fr_cos);
@@ -224,7 +235,9 @@ INLINE mask refract(struct model m, const struct kernel_surface *s,
     if (wants(job, REFRACTION_FRESNEL))
         put(job, REFRACTION_FRESNEL, k, reflection_fresnel(job, &p.sides));
     if (wants(job, REFRACTION_D)) store_normal(m, s, job, k, &p);
-    if (!densities && !wants(job, REFRACTION_FR) && !wants(job, REFRACTION_FR_COS) && !wants(job, REFRACTION_MASKING)) return r.stray;
+    if (!densities && !wants(job, REFRACTION_FR) && !wants(job, REFRACTION_FR_COS) &&
+        !wants(job, REFRACTION_MASKING))
+        return r.stray;
     if (densities || any(less(splat(0), p.zi))) r = reflected_lobe(m, s, job, &p);
     if (densities || any(p.across)) t = transmitted_lobe(m, s, job, &p);
     return store_lobes(job, k, &p, r, t);
@@ -251,9 +264,9 @@ REFRACT_LOOP(BECKMANN)
  */
 INLINE void choose(const struct kernel_refraction *job, const struct kernel_normals *d, size_t k)
 {
-    struct vec3 wo = load_vec3((const void *const[3]){ job->wo[0], job->wo[1], job->wo[2] }, k);
-    struct vec3 wi = load_vec3((const void *const[3]){ d->wi[0], d->wi[1], d->wi[2] }, k);
-    struct vec3 h = load_vec3((const void *const[3]){ d->h[0], d->h[1], d->h[2] }, k);
+    struct vec3 wo = load_vec3((const void *const[3]){job->wo[0], job->wo[1], job->wo[2]}, k);
+    struct vec3 wi = load_vec3((const void *const[3]){d->wi[0], d->wi[1], d->wi[2]}, k);
+    struct vec3 h = load_vec3((const void *const[3]){d->h[0], d->h[1], d->h[2]}, k);
     /* An estimated root leaves h right to 1e-4 of its length, which bending has no use for. */
     if (REAL_IS_FLOAT) h = scaled_vec3(nmadd(splat(R(0.5)), square_of(h), splat(R(1.5))), h);
     /* The pair that F is of: wi turned back to wo. */
@@ -263,22 +276,27 @@ INLINE void choose(const struct kernel_refraction *job, const struct kernel_norm
     p.iy = wider_product(turn, wider_at(d->wi[1], k));
     p.iz = wider_product(turn, wider_at(d->wi[2], k));
     real fresnel = reflection_fresnel(job, &p), pdf = load_at(d->pdf, k), index = p.index;
-    real excess_ = select(p.below, splat(R(job->side[BELOW].excess)), splat(R(job->side[ABOVE].excess)));
+    real excess_ = select(p.below, splat(R(job->side[BELOW].excess)),
+                          splat(R(job->side[ABOVE].excess)));
     wo = scaled_vec3(p.turn, wo);
     real c = madd(wo.x, h.x, madd(wo.y, h.y, wo.z * h.z)), g2 = madd(c, c, excess_);
-    mask refracts = (mask)(not_less(load_at(d->u, k), fresnel) & less(splat(0), c) & less(splat(0), g2));
+    mask refracts = (mask)(not_less(load_at(d->u, k), fresnel) & less(splat(0), c) &
+                           less(splat(0), g2));
     real g = real_sqrt(real_max(g2, splat(0))), bend = excess_ / select(refracts, g + c, splat(1));
-    struct vec3 bent = { madd(bend, h.x, wo.x) / -index, madd(bend, h.y, wo.y) / -index, madd(bend, h.z, wo.z) / -index };
+    struct vec3 bent = {madd(bend, h.x, wo.x) / -index, madd(bend, h.y, wo.y) / -index,
+                        madd(bend, h.z, wo.z) / -index};
     store_at(d->wi[0], k, p.turn * select(refracts, bent.x, wi.x));
     store_at(d->wi[1], k, p.turn * select(refracts, bent.y, wi.y));
     store_at(d->wi[2], k, p.turn * select(refracts, bent.z, wi.z));
     if (!COMPENSATED) return;
     struct fraction t = transmittance(index, c, g);
-    real own = quotient(4 * pdf * c * t.num * index * g, select(refracts, t.den * bend * bend, splat(1)));
+    real own = quotient(4 * pdf * c * t.num * index * g,
+                        select(refracts, t.den * bend * bend, splat(1)));
     store_at(d->chosen, k, select(refracts, -own, fresnel * pdf));
 }
 
-static void choose_loop(const struct kernel_refraction *job, const struct kernel_normals *normals, size_t n)
+static void choose_loop(const struct kernel_refraction *job, const struct kernel_normals *normals,
+                        size_t n)
 {
     const struct kernel_refraction own = *job;
     const struct kernel_normals d = *normals;

@@ -57,8 +57,8 @@ struct kernel_refraction {
 /* Visible normals h of wo turned up with their D(h)/(4 sigma(wo)), and what reflects there, turned up with wo. */
 struct kernel_normals {
     const double *h[3], *pdf, *u; /* u: reflects where it is below F */
-    double *wi[3];                /* in: as reflected; out: of the lobe that was chosen, turned back */
-    double *chosen;               /* as kernel_refraction's; precise alone */
+    double *wi[3];  /* in: as reflected; out: of the lobe that was chosen, turned back */
+    double *chosen; /* as kernel_refraction's; precise alone */
 };
 
 /* n is a multiple of KERNEL_LANES.  True if some result is not a number, as kernel_eval_fn. */
@@ -68,7 +68,8 @@ typedef bool kernel_refract_fn(const struct kernel_surface *surface,
 struct facet_refractions {
     kernel_refract_fn *eval[FACET_NDF_COUNT];
     /* Reads wo and the sides of the job. */
-    void (*choose)(const struct kernel_refraction *job, const struct kernel_normals *normals, size_t n);
+    void (*choose)(const struct kernel_refraction *job, const struct kernel_normals *normals,
+                   size_t n);
     /* Gamma(1 + a) Gamma(1 + b) / Gamma(1 + a + b) (opposite.h). */
     void (*opposite)(const double *a, const double *b, double *to, size_t n);
     /* 1 - F of normals with cosines c = wo.h and g = n |wi.h|. */

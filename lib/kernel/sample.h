@@ -15,9 +15,9 @@ struct uniform {
 /* A standard micronormal (not normalised) and what reflection and density need of it. */
 struct normal {
     real x, y, z;
-    real mm;       /* x^2 + y^2 + z^2, or 1 where density is that of slopes (z = 1) */
-    real density;  /* D = density (hh / (mm root_det))^2; times exp(v^2) where c < 0 */
-    real margin;   /* fast: below 0 where floats lose u (below) */
+    real mm;      /* x^2 + y^2 + z^2, or 1 where density is that of slopes (z = 1) */
+    real density; /* D = density (hh / (mm root_det))^2; times exp(v^2) where c < 0 */
+    real margin;  /* fast: below 0 where floats lose u (below) */
 };
 
 /*
@@ -64,8 +64,8 @@ INLINE struct share cap_share(const struct kernel_surface *s, struct vec3 wo)
     real q = madd(splat(R(s->cap_side)), side, splat(1)), q2 = q * q;
     real inverse = recip(real_max(madd(splat(R(s->cap_a2)), z2, q2), splat(REAL_MIN)));
     mask above = less(splat(0), wo.z);
-    return (struct share){ select(above, R(s->cap_keep) * q2 * inverse, splat(1)),
-                           select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0)) };
+    return (struct share){select(above, R(s->cap_keep) * q2 * inverse, splat(1)),
+                          select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0))};
 }
 
 /* K c + r, or it over r: above 0 of every wo of length 1, a cap of no height of others. */
@@ -86,8 +86,9 @@ INLINE real cap_area(struct share share, struct direction o)
  * of C from 1 - C_z = u2 (1 + K k'_z), 1 + C_z = (1 - K k'_z) + (1 - u2)(1 + K k'_z),
  * where 1 +- k'_z, 1 - u2, 1 - K and their products are never differences.
  */
-INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction o, struct share share, bool bounded,
-                                struct uniform u1, struct uniform u2)
+INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction o,
+                                struct share share, bool bounded, struct uniform u1,
+                                struct uniform u2)
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
     real large = r + real_abs(o.c), more = large * inverse, lift = splat(0);
@@ -106,24 +107,29 @@ INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction
     z = real_max(z + lift, splat(NORMAL_MIN));
     real mm = madd(x, x, madd(y, y, z * z)), flat = o.s2 * inverse * inverse;
     const double correlated = 1 + s->alpha_x * __builtin_fabs(s->tilt); /* 1 + |rho| / kappa */
-    real margin = real_min(nmadd(flat, splat(SHORTEST_SUM), mm), pole_margin(s, radius2, R(correlated * correlated) * flat));
-    return (struct normal){ x, y, z, mm, splat(R(ONE_OVER_PI)), real_min(margin, up - LOWEST_CAP) };
+    real margin = real_min(nmadd(flat, splat(SHORTEST_SUM), mm),
+                           pole_margin(s, radius2, R(correlated * correlated) * flat));
+    return (struct normal){x, y, z, mm, splat(R(ONE_OVER_PI)), real_min(margin, up - LOWEST_CAP)};
 }
 
 /* ---- all normals ------------------------------------------------------------------------ */
 
 /* By D h_z (Walter et al. 2007, eqs. 28, 29, 35, 36): tan^2 theta = -log(1 - u1) or u1 / (1 - u1). */
-INLINE struct normal any_normal(const struct kernel_surface *s, enum facet_ndf ndf, struct uniform u1, struct uniform u2)
+INLINE struct normal any_normal(const struct kernel_surface *s, enum facet_ndf ndf,
+                                struct uniform u1, struct uniform u2)
 {
     struct sin_cos turn = sin_cos_turns(u2.u);
     if (ndf == FACET_GGX) {
-        real radius = root_from_zero(u1.u), z = real_max(root_from_zero(u1.rest), splat(NORMAL_MIN));
-        return (struct normal){ radius * turn.cos, radius * turn.sin, z, splat(1), splat(R(ONE_OVER_PI)),
-                                pole_margin(s, u1.u, splat(0)) };
+        real radius = root_from_zero(u1.u),
+             z = real_max(root_from_zero(u1.rest), splat(NORMAL_MIN));
+        return (struct normal){
+            radius * turn.cos, radius * turn.sin,     z,
+            splat(1),          splat(R(ONE_OVER_PI)), pole_margin(s, u1.u, splat(0))};
     }
     real radius2 = minus_log(u1.u, u1.rest), radius = root_from_zero(radius2);
-    return (struct normal){ radius * turn.cos, radius * turn.sin, splat(1), splat(1), u1.rest * R(ONE_OVER_PI),
-                            pole_margin(s, radius2, splat(0)) };
+    return (struct normal){
+        radius * turn.cos, radius * turn.sin,        splat(1),
+        splat(1),          u1.rest * R(ONE_OVER_PI), pole_margin(s, radius2, splat(0))};
 }
 
 /* ---- Beckmann: slopes ---------------------------------------------------------------------- */
@@ -133,7 +139,7 @@ struct view {
     real v, g, n;
     real at_v, edge; /* n psi(v), n exp(-v^2)/sqrt(pi); scaled like sigma where c < 0 */
     real low, high;
-    mask back;       /* c < 0 */
+    mask back; /* c < 0 */
 };
 
 struct cdf {
@@ -166,18 +172,20 @@ INLINE struct cdf at_edge(const struct view *view, real d, struct cdf away)
     mask near = less(real_abs(2 * view->v * d) + d * d, splat(R(EDGE)));
     if (!any(near)) return away;
     real upper = view->edge * edge_integral(view->v, d);
-    return (struct cdf){ select(near, 1 - upper, away.lower), select(near, upper, away.upper), away.slope };
+    return (struct cdf){select(near, 1 - upper, away.lower), select(near, upper, away.upper),
+                        away.slope};
 }
 
 INLINE struct cdf front_cdf(const struct view *view, real x)
 {
-    real e = exp_minus(x * x), w = R(ERFC_SCALE) / (R(ERFC_SCALE) + real_abs(x)), erfcx = erfcx_tail(w);
+    real e = exp_minus(x * x), w = R(ERFC_SCALE) / (R(ERFC_SCALE) + real_abs(x)),
+         erfcx = erfcx_tail(w);
     real below = e * (view->g * erfcx + view->n * R(1 / SQRT_PI)) * R(0.5);
     real above = e * ((view->g - view->n * x) * erfcx * R(0.5) - view->n * psi_x(w)) + view->at_v;
     above = real_max(above, splat(0));
     mask left = less(x, splat(0));
-    struct cdf away = { select(left, below, 1 - above), select(left, 1 - below, above),
-                        (view->g - view->n * x) * e * R(1 / SQRT_PI) };
+    struct cdf away = {select(left, below, 1 - above), select(left, 1 - below, above),
+                       (view->g - view->n * x) * e * R(1 / SQRT_PI)};
     return at_edge(view, view->v - x, away);
 }
 
@@ -187,7 +195,7 @@ INLINE struct cdf back_cdf(const struct view *view, real d)
     real v = real_abs(view->v), x = v + d, w = R(ERFC_SCALE) / (R(ERFC_SCALE) + x);
     real e = exp_minus(d * (d + 2 * v)) * view->n;
     real lower = e * madd(R(0.5) * d, erfcx_tail(w), psi_x(w));
-    struct cdf away = { lower, 1 - lower, -d * e * R(1 / SQRT_PI) };
+    struct cdf away = {lower, 1 - lower, -d * e * R(1 / SQRT_PI)};
     return at_edge(view, d, away);
 }
 
@@ -196,8 +204,9 @@ INLINE struct cdf cdf_at(const struct view *view, real x)
     struct cdf front = front_cdf(view, x);
     if (!any(view->back)) return front;
     struct cdf back = back_cdf(view, x);
-    return (struct cdf){ select(view->back, back.lower, front.lower), select(view->back, back.upper, front.upper),
-                         select(view->back, back.slope, front.slope) };
+    return (struct cdf){select(view->back, back.lower, front.lower),
+                        select(view->back, back.upper, front.upper),
+                        select(view->back, back.slope, front.slope)};
 }
 
 /* Newton's step for F(x) = u: of the smaller tail's logarithm in float, which is concave. */
@@ -225,7 +234,8 @@ INLINE struct azimuth azimuth_of(struct direction o, real side)
 {
     mask pole = less(o.s2, splat(REAL_MIN));
     real length = real_max(side, splat(REAL_MIN));
-    return (struct azimuth){ select(pole, splat(1), o.a / length), select(pole, splat(0), o.b / length) };
+    return (struct azimuth){select(pole, splat(1), o.a / length),
+                            select(pole, splat(0), o.b / length)};
 }
 
 /*
@@ -267,27 +277,37 @@ struct guess {
 INLINE struct guess guess_of(struct uniform u)
 {
     real lower = minus_log(u.rest, u.u), upper = minus_log(u.u, u.rest); /* -log u, -log(1 - u) */
-    real half = R(0.5) * (R(-1.3862943611) + lower + upper), part = R(4.3307) - half; /* 2/(pi 0.147) + log(1 - x^2)/2 */
+    real half = R(0.5) * (R(-1.3862943611) + lower + upper),
+         part = R(4.3307) - half; /* 2/(pi 0.147) + log(1 - x^2)/2 */
     real root_ = root_from_zero(real_max(madd(part, part, R(13.6054) * half), splat(0)));
     real size = root_from_zero(real_max(root_ - part, splat(0)));
-    return (struct guess){ select(less(u.u, u.rest), -size, size), -root_from_zero(lower) };
+    return (struct guess){select(less(u.u, u.rest), -size, size), -root_from_zero(lower)};
 }
 
 /* Where the Gaussian tail ends: exp(-SLOPE_END^2) is below any step of u. */
-#define SLOPE_END (REAL_IS_FLOAT ? R(6.3) : R(6.7)) /* a float keeps the density of two such slopes */
+#define SLOPE_END                                                                                  \
+    (REAL_IS_FLOAT ? R(6.3) : R(6.7)) /* a float keeps the density of two such slopes */
 
 INLINE struct view view_from(struct direction o, real s)
 {
-    real v = real_max(o.c / real_max(s, splat(REAL_MIN)), splat(-SLOPE_MAX)), end = splat(SLOPE_END);
+    real v = real_max(o.c / real_max(s, splat(REAL_MIN)), splat(-SLOPE_MAX)),
+         end = splat(SLOPE_END);
     real e = exp_minus_pair(beckmann_v2(o)), tail = s * psi_x(beckmann_tail(o, s));
     mask back = less(o.c, splat(0));
     /* sigma, exp(v^2) sigma behind; the CDF is its parts, so that it is made of the same ones. */
-    real area = real_max(real_max(o.c, splat(0)) + tail * select(back, splat(1), e), splat(REAL_MIN)), n = s / area;
+    real area = real_max(real_max(o.c, splat(0)) + tail * select(back, splat(1), e),
+                         splat(REAL_MIN)),
+         n = s / area;
     real back_end = end * end / (real_sqrt(madd(v, v, end * end)) - v);
     return (struct view){
-        .v = v, .g = o.c / area, .n = n, .at_v = tail / area * e,
+        .v = v,
+        .g = o.c / area,
+        .n = n,
+        .at_v = tail / area * e,
         .edge = n * R(1 / SQRT_PI) * select(back, splat(1), e),
-        .low = select(back, splat(0), -end), .high = select(back, back_end, real_min(v, end)), .back = back,
+        .low = select(back, splat(0), -end),
+        .high = select(back, back_end, real_min(v, end)),
+        .back = back,
     };
 }
 
@@ -297,18 +317,23 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
     struct view view = view_from(o, s);
     struct guess first = guess_of(u1), second = guess_of(u2);
     real start = madd(view.g, first.normal - first.tail, first.tail);
-    start = select(view.back, R(0.5) * (view.low + view.high), real_min(start, R(0.5) * (view.high + first.tail)));
+    start = select(view.back, R(0.5) * (view.low + view.high),
+                   real_min(start, R(0.5) * (view.high + first.tail)));
     real found = invert(&view, u1, start), x = select(view.back, view.v - found, found);
     /* The Gaussian alone: seen from the pole. */
-    struct view plain = { splat(SLOPE_MAX), splat(1), zero, zero, zero, splat(-SLOPE_END), splat(SLOPE_END), less(zero, zero) };
+    struct view plain = {splat(SLOPE_MAX), splat(1),        zero, zero, zero, splat(-SLOPE_END),
+                         splat(SLOPE_END), less(zero, zero)};
     real y = invert(&plain, u2, second.normal);
     struct azimuth to = azimuth_of(o, s);
     real behind = madd(y, y, found * (found + 2 * real_abs(view.v)));
     real exponent = select(view.back, behind, madd(y, y, x * x));
-    return (struct normal){ .x = nmadd(x, to.cos, y * to.sin), .y = -madd(x, to.sin, y * to.cos), .z = splat(1), .mm = splat(1),
-                            .density = exp_minus(exponent) * R(ONE_OVER_PI),
-                            /* The rounding of v and that of its tail come to 1e-6. */
-                            .margin = select(view.back, splat(-1), zero) };
+    return (struct normal){.x = nmadd(x, to.cos, y * to.sin),
+                           .y = -madd(x, to.sin, y * to.cos),
+                           .z = splat(1),
+                           .mm = splat(1),
+                           .density = exp_minus(exponent) * R(ONE_OVER_PI),
+                           /* The rounding of v and that of its tail come to 1e-6. */
+                           .margin = select(view.back, splat(-1), zero)};
 }
 
 /* ---- GGX: slopes --------------------------------------------------------------------------- */
@@ -316,8 +341,9 @@ INLINE struct normal beckmann_sample(struct direction o, struct uniform u1, stru
 /* d - sin d cos d, without the difference where it has too few digits left. */
 INLINE real segment(real d, struct sin_cos at)
 {
-    static const double terms[] = { 4.0 / 1856156927625, -2.0 / 10854718875, 8.0 / 638512875, -4.0 / 6081075,
-                                    4.0 / 155925, -2.0 / 2835, 4.0 / 315, -2.0 / 15, 2.0 / 3 };
+    static const double terms[] = {4.0 / 1856156927625, -2.0 / 10854718875, 8.0 / 638512875,
+                                   -4.0 / 6081075,      4.0 / 155925,       -2.0 / 2835,
+                                   4.0 / 315,           -2.0 / 15,          2.0 / 3};
     real d2 = d * d, sum = splat(R(terms[0]));
     for (int k = 1; k < 9; k++) sum = madd(sum, d2, splat(R(terms[k])));
     return select(less(d2, splat(R(0.25))), sum * d2 * d, nmadd(at.sin, at.cos, d));
@@ -333,13 +359,17 @@ INLINE real across_angle(real w, bool bent, real p, real q)
 {
     enum { STEPS = REAL_IS_FLOAT ? 4 : 6 };
     /* A third of the exponent is a cube root to 5 % (Kahan). */
-    const lane_bits third = REAL_IS_FLOAT ? (lane_bits)0x2a5119f2 : (lane_bits)((int64_t)0x2a9f7893 << 32);
+    const lane_bits third = REAL_IS_FLOAT ? (lane_bits)0x2a5119f2
+                                          : (lane_bits)((int64_t)0x2a9f7893 << 32);
     const real least = splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280)), area = w * R(1 / ONE_OVER_PI);
     real cube = real_max((bent ? R(0.25 / (ONE_OVER_PI * ONE_OVER_PI)) : R(1.5)) * area, least);
-    real d = (real)(__builtin_convertvector(__builtin_convertvector((bits)cube, real) * R(1.0 / 3), bits) + third);
+    real d = (real)(__builtin_convertvector(__builtin_convertvector((bits)cube, real) * R(1.0 / 3),
+                                            bits) +
+                    third);
     for (int k = 0; k < 2; k++) d = R(1.0 / 3) * (2 * d + cube / (d * d));
     if (bent) {
-        real line = area / real_max(p, least), square = R(0.5 / ONE_OVER_PI) * root_from_zero(area / real_max(q, least));
+        real line = area / real_max(p, least),
+             square = R(0.5 / ONE_OVER_PI) * root_from_zero(area / real_max(q, least));
         d = real_max(real_min(d, real_min(line, square)), least);
     }
     for (int k = 0; k < STEPS + bent; k++) {
@@ -364,20 +394,25 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
     real c = o.c * inverse, side = root_from_zero(o.s2), s = side * inverse, zero = splat(0);
-    real large = r + real_abs(o.c), more = large * inverse, least = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
+    real large = r + real_abs(o.c), more = large * inverse,
+         least = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
     mask behind = less(o.c, zero);
     real up = select(behind, least, more), down = select(behind, more, least), part = u1.u * up;
     real sin_a = part - c, cos_a = root_from_zero(u1.rest * up * (part + down));
     /* cos b by its conjugate where it is a difference. */
     real plain = madd(cos_a, c, sin_a * s), under = nmadd(sin_a, s, cos_a * c);
-    real conjugate = (c - sin_a) * part / select(less(real_abs(under), splat(REAL_MIN)), splat(1), under);
+    real conjugate = (c - sin_a) * part /
+                     select(less(real_abs(under), splat(REAL_MIN)), splat(1), under);
     mask direct = (mask)((mask)~behind & less(zero, sin_a));
     real cos_b = select(direct, plain, conjugate), sin_b = nmadd(cos_a, s, sin_a * c);
-    struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest), false, zero, zero) * R(0.5 * ONE_OVER_PI));
-    real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos), z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
+    struct sin_cos at = sin_cos_turns(across_angle(real_min(u2.u, u2.rest), false, zero, zero) *
+                                      R(0.5 * ONE_OVER_PI));
+    real x = sin_b * at.sin, y = select(less(u2.u, u2.rest), -at.cos, at.cos),
+         z = real_max(cos_b * at.sin, splat(NORMAL_MIN));
     struct azimuth to = azimuth_of(o, side);
     real mx = nmadd(x, to.cos, y * to.sin), my = -madd(x, to.sin, y * to.cos);
-    return (struct normal){ mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)), at.sin - FARTHEST_ACROSS };
+    return (struct normal){
+        mx, my, z, madd(x, x, madd(y, y, z * z)), splat(R(ONE_OVER_PI)), at.sin - FARTHEST_ACROSS};
 }
 
 /* ---- V-cavities ---------------------------------------------------------------------------- */
@@ -392,8 +427,8 @@ INLINE struct normal ggx_slopes(struct direction o, struct uniform u1, struct un
  * borrowed and both u keep their order: psi from -pi to pi, w = min(u2, 1 - u2) the area
  * beyond it, psi_0 = acos 1/e (0 for e < 1) where the other twin comes into view.
  */
-INLINE struct normal cavity_normal(const struct kernel_surface *s, enum facet_ndf ndf, struct direction o, struct uniform u1,
-                                   struct uniform u2)
+INLINE struct normal cavity_normal(const struct kernel_surface *s, enum facet_ndf ndf,
+                                   struct direction o, struct uniform u1, struct uniform u2)
 {
     const real one = splat(1), zero = splat(0), most = splat(SLOPE_MAX);
     bool ggx = ndf == FACET_GGX;
@@ -404,18 +439,25 @@ INLINE struct normal cavity_normal(const struct kernel_surface *s, enum facet_nd
     real rise = root_from_zero(real_max((e - 1) * (e + 1), zero));
     mask behind = (mask)~less(zero, o.c);
     struct sin_cos half = sin_cos_turns(R(0.5) * w); /* of pi w */
-    struct sin_cos d = sin_cos_turns(across_angle(w, true, real_max(1 - e, zero), rise) * R(0.5 * ONE_OVER_PI));
+    struct sin_cos d = sin_cos_turns(across_angle(w, true, real_max(1 - e, zero), rise) *
+                                     R(0.5 * ONE_OVER_PI));
     d.sin = select(behind, half.sin, d.sin), d.cos = select(behind, half.cos, d.cos);
     /* psi = pi - psi_0 - 2 d where both or none are seen; else pi/2 - pi w. */
     real i = one / real_max(e, one), j = select(less(one, e), rise * i, zero);
     real sin_2 = 2 * d.sin * d.cos, cos_2 = madd(d.cos, d.cos, -d.sin * d.sin);
     mask alone = less(one, e * half.sin);
     real x = select(alone, half.sin, nmadd(i, cos_2, j * sin_2));
-    real y = select(alone, half.cos, madd(j, cos_2, i * sin_2)) * select(less(u2.u, u2.rest), -one, one);
+    real y = select(alone, half.cos, madd(j, cos_2, i * sin_2)) *
+             select(less(u2.u, u2.rest), -one, one);
     struct azimuth to = azimuth_of(o, side);
-    real margin = real_min(pole_margin(s, radius2, zero), select(behind, real_abs(e - 1) - NEAREST_EDGE, one));
-    return (struct normal){ radius * nmadd(y, to.sin, x * to.cos), radius * madd(x, to.sin, y * to.cos), z,
-                            one, ggx ? splat(R(ONE_OVER_PI)) : u1.rest * R(ONE_OVER_PI), margin };
+    real margin = real_min(pole_margin(s, radius2, zero),
+                           select(behind, real_abs(e - 1) - NEAREST_EDGE, one));
+    return (struct normal){radius * nmadd(y, to.sin, x * to.cos),
+                           radius * madd(x, to.sin, y * to.cos),
+                           z,
+                           one,
+                           ggx ? splat(R(ONE_OVER_PI)) : u1.rest * R(ONE_OVER_PI),
+                           margin};
 }
 
 /* ---- reflection --------------------------------------------------------------------------- */
@@ -428,17 +470,19 @@ struct reflected {
 };
 
 /* The affine map, and reflection wi = 2 (wo.h) h - wo. */
-INLINE struct reflected reflect_sample(const struct kernel_surface *s, struct vec3 wo, struct normal m)
+INLINE struct reflected reflect_sample(const struct kernel_surface *s, struct vec3 wo,
+                                       struct normal m)
 {
     real hx = nmadd(m.z, splat(R(s->slope_x)), R(s->alpha_x) * m.x);
-    real hy = madd(splat(R(s->rho_alpha_y)), m.x, nmadd(m.z, splat(R(s->slope_y)), R(s->kappa_alpha_y) * m.y));
+    real hy = madd(splat(R(s->rho_alpha_y)), m.x,
+                   nmadd(m.z, splat(R(s->slope_y)), R(s->kappa_alpha_y) * m.y));
     real hh = madd(hx, hx, madd(hy, hy, m.z * m.z)), inverse = rsqrt(hh);
     /* Of the h that is used: wi stays a mirror image, whatever rounding did to h. */
     real dot = madd(wo.x, hx, madd(wo.y, hy, wo.z * m.z)), twice = quotient(2 * dot, hh);
     real q = quotient(hh, m.mm * R(s->root_det));
     return (struct reflected){
-        .wi = { madd(twice, hx, -wo.x), madd(twice, hy, -wo.y), madd(twice, m.z, -wo.z) },
-        .h = { hx * inverse, hy * inverse, m.z * inverse },
+        .wi = {madd(twice, hx, -wo.x), madd(twice, hy, -wo.y), madd(twice, m.z, -wo.z)},
+        .h = {hx * inverse, hy * inverse, m.z * inverse},
         .density = q * q * m.density,
         .seen = quotient(real_abs(dot), m.z),
         .faces = less(splat(0), dot),

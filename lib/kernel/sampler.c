@@ -15,32 +15,36 @@
 INLINE struct uniform load_uniform(const struct kernel_job *job, int which, size_t k)
 {
 #if ROUNDS_INPUT
-    struct doubles u = load_doubles((const io *)job->u[which] + k), rest = { { 1 - u.half[0], 1 - u.half[1] } };
-    return (struct uniform){ narrow(u), narrow(rest) };
+    struct doubles u = load_doubles((const io *)job->u[which] + k),
+                   rest = {{1 - u.half[0], 1 - u.half[1]}};
+    return (struct uniform){narrow(u), narrow(rest)};
 #else
     real u = load_at(job->u[which], k);
-    return (struct uniform){ u, 1 - u };
+    return (struct uniform){u, 1 - u};
 #endif
 }
 
-INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
-                                 struct direction o, struct share share, struct uniform u1, struct uniform u2)
+INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf,
+                                 const struct kernel_surface *s, struct direction o,
+                                 struct share share, struct uniform u1, struct uniform u2)
 {
     if (sampler == FACET_SAMPLER_NDF) return any_normal(s, ndf, u1, u2);
     if (sampler == FACET_SAMPLER_VCAVITY) return cavity_normal(s, ndf, o, u1, u2);
-    if (sampler == FACET_SAMPLER_SLOPE) return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
+    if (sampler == FACET_SAMPLER_SLOPE)
+        return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
     return cap_sample(s, o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
 }
 
 /* pdf = D / this, never 0: of a sample at its pole, wo.h = 0 by rounding, the density saturates. */
-INLINE real area_of(enum facet_sampler sampler, struct model m, const struct kernel_surface *s, struct direction o,
-                    struct share share, const struct reflected *a)
+INLINE real area_of(enum facet_sampler sampler, struct model m, const struct kernel_surface *s,
+                    struct direction o, struct share share, const struct reflected *a)
 {
     const real single = real_max(4 * a->seen, splat(REAL_MIN));
     switch (sampler) {
     case FACET_SAMPLER_NDF: return single;
     case FACET_SAMPLER_VCAVITY:
-        return select((mask)(a->faces | less(splat(0), o.c)), 2 * real_max(2 * o.c, a->seen), single);
+        return select((mask)(a->faces | less(splat(0), o.c)), 2 * real_max(2 * o.c, a->seen),
+                      single);
     case FACET_SAMPLER_BOUNDED: return cap_area(share, o);
     default: return 4 * sigma_scaled(m, s, o);
     }
@@ -50,36 +54,40 @@ INLINE real area_of(enum facet_sampler sampler, struct model m, const struct ker
 INLINE mask draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct kernel_surface *s,
                  const struct kernel_job *job, size_t k)
 {
-    const struct model m = { ndf, KERNEL_SHEARED, KERNEL_SMITH };
+    const struct model m = {ndf, KERNEL_SHEARED, KERNEL_SMITH};
     struct vec3 wo = load_vec3(job->wo, k);
     struct direction o = direction_of(s, KERNEL_SHEARED, wo, mean_cosine(s, wo));
-    struct share share = { splat(1), splat(0) };
+    struct share share = {splat(1), splat(0)};
     if (sampler == FACET_SAMPLER_BOUNDED) share = cap_share(s, wo);
-    struct normal n = draw_normal(sampler, ndf, s, o, share, load_uniform(job, 0, k), load_uniform(job, 1, k));
+    struct normal n = draw_normal(sampler, ndf, s, o, share, load_uniform(job, 0, k),
+                                  load_uniform(job, 1, k));
     struct reflected a = reflect_sample(s, wo, n);
     store_vec3(job->sampled_wi, k, a.wi);
     if (job->sampled_h[0]) store_vec3(job->sampled_h, k, a.h);
-    if (job->sampled_pdf) store_at(job->sampled_pdf, k, ratio(a.density, area_of(sampler, m, s, o, share, &a)));
+    if (job->sampled_pdf)
+        store_at(job->sampled_pdf, k, ratio(a.density, area_of(sampler, m, s, o, share, &a)));
     return less(n.margin, splat(0));
 }
 
 /* Adds the places of a vector's marked draws to job->again, which has `count`; how many it has then. */
 INLINE size_t note_marked(const struct kernel_job *job, size_t count, mask marks, size_t k)
 {
-    for (unsigned left = mask_bits(marks); left; left &= left - 1) job->again[count++] = k + (size_t)__builtin_ctz(left);
+    for (unsigned left = mask_bits(marks); left; left &= left - 1)
+        job->again[count++] = k + (size_t)__builtin_ctz(left);
     return count;
 }
 
-#define DRAW_LOOP(sampler, ndf)                                                                 \
-    static size_t draw_##sampler##_##ndf(const struct kernel_surface *surface, const struct kernel_job *job, size_t n) \
-    {                                                                                           \
-        const struct kernel_surface s = *surface;                                               \
-        size_t count = 0;                                                                       \
-        for (size_t k = 0; k < n; k += LANES) {                                                 \
-            mask marks = draw(FACET_SAMPLER_##sampler, FACET_##ndf, &s, job, k);                \
-            if (MARKS_DRAWS) count = note_marked(job, count, marks, k);                         \
-        }                                                                                       \
-        return count;                                                                           \
+#define DRAW_LOOP(sampler, ndf)                                                                    \
+    static size_t draw_##sampler##_##ndf(const struct kernel_surface *surface,                     \
+                                         const struct kernel_job *job, size_t n)                   \
+    {                                                                                              \
+        const struct kernel_surface s = *surface;                                                  \
+        size_t count = 0;                                                                          \
+        for (size_t k = 0; k < n; k += LANES) {                                                    \
+            mask marks = draw(FACET_SAMPLER_##sampler, FACET_##ndf, &s, job, k);                   \
+            if (MARKS_DRAWS) count = note_marked(job, count, marks, k);                            \
+        }                                                                                          \
+        return count;                                                                              \
     }
 
 DRAW_LOOP(CAPS, GGX)
@@ -92,7 +100,8 @@ DRAW_LOOP(VCAVITY, GGX)
 DRAW_LOOP(VCAVITY, BECKMANN)
 
 /* Whatever the surface. */
-static size_t draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job, size_t n)
+static size_t draw_COSINE(const struct kernel_surface *surface, const struct kernel_job *job,
+                          size_t n)
 {
     (void)surface;
     for (size_t k = 0; k < n; k += LANES) {
@@ -100,15 +109,19 @@ static size_t draw_COSINE(const struct kernel_surface *surface, const struct ker
         struct uniform u = load_uniform(job, 0, k);
         struct sin_cos turn = sin_cos_turns(load_uniform(job, 1, k).u);
         real radius = root_from_zero(u.u), up = root_from_zero(u.rest);
-        struct vec3 wi = { radius * turn.cos, radius * turn.sin, up };
+        struct vec3 wi = {radius * turn.cos, radius * turn.sin, up};
         store_vec3(job->sampled_wi, k, wi);
         if (job->sampled_pdf) store_at(job->sampled_pdf, k, up * R(ONE_OVER_PI));
         if (!job->sampled_h[0]) continue;
-        struct vec3 h = { wi.x + wo.x, wi.y + wo.y, wi.z + wo.z };
-        real hh = madd(h.x, h.x, madd(h.y, h.y, h.z * h.z)), inverse = rsqrt(real_max(hh, splat(REAL_MIN)));
-        mask none = less(hh, splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280))); /* wi = -wo: any h will do */
-        store_vec3(job->sampled_h, k, (struct vec3){ select(none, splat(0), h.x * inverse), select(none, splat(0), h.y * inverse),
-                                                     select(none, splat(1), h.z * inverse) });
+        struct vec3 h = {wi.x + wo.x, wi.y + wo.y, wi.z + wo.z};
+        real hh = madd(h.x, h.x, madd(h.y, h.y, h.z * h.z)),
+             inverse = rsqrt(real_max(hh, splat(REAL_MIN)));
+        mask none = less(hh,
+                         splat(REAL_IS_FLOAT ? R(1e-30) : R(1e-280))); /* wi = -wo: any h will do */
+        store_vec3(job->sampled_h, k,
+                   (struct vec3){select(none, splat(0), h.x * inverse),
+                                 select(none, splat(0), h.y * inverse),
+                                 select(none, splat(1), h.z * inverse)});
     }
     return 0;
 }
@@ -148,9 +161,11 @@ INLINE real pdf_ndf(struct model m, const struct kernel_surface *s, const struct
 INLINE real pdf_vcavity(struct model m, const struct kernel_surface *s, const struct terms *t)
 {
     real facing_ = facing(t->h), c4 = 4 * t->o.c, size = saturated(real_abs(facing_));
-    real seen = select(less(c4 * size, splat(1)), size, quotient(splat(1), real_max(c4, splat(REAL_MIN))));
+    real seen = select(less(c4 * size, splat(1)), size,
+                       quotient(splat(1), real_max(c4, splat(REAL_MIN))));
     real unseen = select(less(c4 * size, splat(-1)), R(0.5) * size, splat(0));
-    real value = saturated(select(less(splat(0), facing_), seen, unseen) * saturated(value_of(density(m, s, t->h))));
+    real value = saturated(select(less(splat(0), facing_), seen, unseen) *
+                           saturated(value_of(density(m, s, t->h))));
     return select(less(splat(0), size), value, splat(0));
 }
 
@@ -189,15 +204,15 @@ INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const 
     return saturated(quantity_fr(m, s, t->i, t->o, t->h) * R(1 / ONE_OVER_PI));
 }
 
-#define PDF_LOOP(sampler, function, ndf)                                                        \
-    LOOP(pdf_##sampler##_##ndf, ndf, SHEARED, SMITH, (void)0, {                                 \
-        real value = function(m, &s, &t);                                                       \
-        STORE_MARKED(PDF)                                                                       \
+#define PDF_LOOP(sampler, function, ndf)                                                           \
+    LOOP(pdf_##sampler##_##ndf, ndf, SHEARED, SMITH, (void)0, {                                    \
+        real value = function(m, &s, &t);                                                          \
+        STORE_MARKED(PDF)                                                                          \
     })
-#define WEIGHT_LOOP(sampler, function, ndf, masking)                                            \
-    LOOP(weight_##sampler##_##ndf##_##masking, ndf, SHEARED, masking, (void)0, {                \
-        real value = function(m, &s, &t);                                                       \
-        STORE_MARKED(WEIGHT)                                                                    \
+#define WEIGHT_LOOP(sampler, function, ndf, masking)                                               \
+    LOOP(weight_##sampler##_##ndf##_##masking, ndf, SHEARED, masking, (void)0, {                   \
+        real value = function(m, &s, &t);                                                          \
+        STORE_MARKED(WEIGHT)                                                                       \
     })
 #include "samplers.def"
 #undef PDF_LOOP
@@ -207,17 +222,28 @@ INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const 
 
 extern const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA);
 const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA) = {
-    .draw = {
-        [FACET_GGX] = { [FACET_SAMPLER_CAPS] = draw_CAPS_GGX, [FACET_SAMPLER_BOUNDED] = draw_BOUNDED_GGX,
-                        [FACET_SAMPLER_SLOPE] = draw_SLOPE_GGX, [FACET_SAMPLER_NDF] = draw_NDF_GGX, [FACET_SAMPLER_COSINE] = draw_COSINE,
-                        [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_GGX },
-        [FACET_BECKMANN] = { [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN, [FACET_SAMPLER_COSINE] = draw_COSINE,
-                             [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN, [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_BECKMANN,
+    .draw =
+        {
+            [FACET_GGX] = {[FACET_SAMPLER_CAPS] = draw_CAPS_GGX,
+                           [FACET_SAMPLER_BOUNDED] = draw_BOUNDED_GGX,
+                           [FACET_SAMPLER_SLOPE] = draw_SLOPE_GGX,
+                           [FACET_SAMPLER_NDF] = draw_NDF_GGX,
+                           [FACET_SAMPLER_COSINE] = draw_COSINE,
+                           [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_GGX},
+            [FACET_BECKMANN] =
+                {
+                    [FACET_SAMPLER_NDF] = draw_NDF_BECKMANN,
+                    [FACET_SAMPLER_COSINE] = draw_COSINE,
+                    [FACET_SAMPLER_SLOPE] = draw_SLOPE_BECKMANN,
+                    [FACET_SAMPLER_VCAVITY] = draw_VCAVITY_BECKMANN,
+                },
+            [FACET_TABULATED] = {[FACET_SAMPLER_COSINE] =
+                                     draw_COSINE}, /* the others: table_sample.c */
         },
-        [FACET_TABULATED] = { [FACET_SAMPLER_COSINE] = draw_COSINE }, /* the others: table_sample.c */
-    },
-#define PDF_LOOP(sampler, function, ndf) .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,
-#define WEIGHT_LOOP(sampler, function, ndf, masking)                                            \
-    .weight[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##masking] = weight_##sampler##_##ndf##_##masking,
+#define PDF_LOOP(sampler, function, ndf)                                                           \
+    .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,
+#define WEIGHT_LOOP(sampler, function, ndf, masking)                                               \
+    .weight[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##masking] =                              \
+        weight_##sampler##_##ndf##_##masking,
 #include "samplers.def"
 };

@@ -20,28 +20,29 @@ struct vec3 {
 
 /* One direction k against the surface. */
 struct direction {
-    real z;          /* macro cosine */
-    real c;          /* k_z - k_x slope_x - k_y slope_y: the cosine with the mean facet */
-    real a, b, s2;   /* stretched tangential part and its squared length */
+    real z;             /* macro cosine */
+    real c;             /* k_z - k_x slope_x - k_y slope_y: the cosine with the mean facet */
+    real a, b, s2;      /* stretched tangential part and its squared length */
     real c_low, s2_low; /* what c and s2 lack (precise only) */
 };
 
 /* A pair of directions as the caller gave it. */
 struct given {
     struct vec3 wi, wo;
-    struct vec3 sum;   /* wi + wo, rounded once */
-    pair ci, co;       /* cosines with the mean facet (sheared only) */
+    struct vec3 sum; /* wi + wo, rounded once */
+    pair ci, co;     /* cosines with the mean facet (sheared only) */
 };
 
 /* The half vector, up to a power of two, in standard slopes. */
 struct half {
-    real x, y, z;      /* minus standard slopes times H_z, and H_z */
-    real flat;         /* H_x^2 + H_y^2 */
-    real iso_sum;      /* isotropic: their squares summed, and x, y are those of H itself */
-    pair wide_x, wide_y, wide_z; /* for exponents (precise): det (X, Y, H_z), or H itself where isotropic */
-    real hz;           /* H_z */
-    real hh;           /* |H|^2 */
-    real scale;        /* the power of two that brought H to size 1 */
+    real x, y, z; /* minus standard slopes times H_z, and H_z */
+    real flat;    /* H_x^2 + H_y^2 */
+    real iso_sum; /* isotropic: their squares summed, and x, y are those of H itself */
+    pair wide_x, wide_y,
+        wide_z; /* for exponents (precise): det (X, Y, H_z), or H itself where isotropic */
+    real hz;    /* H_z */
+    real hh;    /* |H|^2 */
+    real scale; /* the power of two that brought H to size 1 */
 };
 
 struct fraction {
@@ -49,11 +50,12 @@ struct fraction {
 };
 
 #if REAL_IS_FLOAT
-INLINE pair mean_cosine_of_doubles(const struct kernel_surface *s, struct doubles x, struct doubles y, struct doubles z)
+INLINE pair mean_cosine_of_doubles(const struct kernel_surface *s, struct doubles x,
+                                   struct doubles y, struct doubles z)
 {
     for (int j = 0; j < 2; j++)
         z.half[j] = half_nmadd(x.half[j], s->slope_x, half_nmadd(y.half[j], s->slope_y, z.half[j]));
-    return (pair){ narrow(z), splat(0) };
+    return (pair){narrow(z), splat(0)};
 }
 #endif
 
@@ -69,7 +71,8 @@ INLINE double lean_of(const struct kernel_surface *s)
 
 INLINE pair mean_cosine_of_floats(const struct kernel_surface *s, struct vec3 k)
 {
-    return (pair){ nmadd(k.x, splat(R(s->slope_x)), nmadd(k.y, splat(R(s->slope_y)), k.z)), splat(0) };
+    return (pair){nmadd(k.x, splat(R(s->slope_x)), nmadd(k.y, splat(R(s->slope_y)), k.z)),
+                  splat(0)};
 }
 #endif
 
@@ -81,12 +84,13 @@ INLINE pair mean_cosine_of_floats(const struct kernel_surface *s, struct vec3 k)
 INLINE pair mean_cosine(const struct kernel_surface *s, struct vec3 k)
 {
 #if COMPENSATED
-    pair x = pair_product(k.x, splat(-s->slope_x), splat(0)), y = pair_product(k.y, splat(-s->slope_y), splat(0));
-    return pair_add((pair){ k.z, splat(0) }, pair_add(x, y));
+    pair x = pair_product(k.x, splat(-s->slope_x), splat(0)),
+         y = pair_product(k.y, splat(-s->slope_y), splat(0));
+    return pair_add((pair){k.z, splat(0)}, pair_add(x, y));
 #elif REAL_IS_FLOAT
     return mean_cosine_of_doubles(s, widen(k.x), widen(k.y), widen(k.z));
 #else
-    return (pair){ nmadd(k.x, splat(s->slope_x), nmadd(k.y, splat(s->slope_y), k.z)), splat(0) };
+    return (pair){nmadd(k.x, splat(s->slope_x), nmadd(k.y, splat(s->slope_y), k.z)), splat(0)};
 #endif
 }
 
@@ -102,23 +106,26 @@ INLINE real square_low(real s2, pair a, pair b)
 INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel_shape shape,
                                      struct vec3 d, pair c)
 {
-    struct direction k = { .z = d.z, .c = d.z };
+    struct direction k = {.z = d.z, .c = d.z};
     if (shape == KERNEL_ISO) {
         k.a = R(s->alpha_x) * d.x;
         k.b = R(s->alpha_x) * d.y;
         k.s2 = R(s->alpha_x * s->alpha_x) * madd(d.x, d.x, d.y * d.y);
 #if COMPENSATED
-        pair ax = pair_product(d.x, splat(s->alpha_x), splat(0)), ay = pair_product(d.y, splat(s->alpha_x), splat(0));
+        pair ax = pair_product(d.x, splat(s->alpha_x), splat(0)),
+             ay = pair_product(d.y, splat(s->alpha_x), splat(0));
         k.s2_low = square_low(k.s2, ax, ay);
 #endif
         return k;
     }
-    wide a = wide_madd(wide_of(d.x), s->alpha_x, 0, wide_scale(wide_of(d.y), s->rho_alpha_y, s->rho_alpha_y_low));
+    wide a = wide_madd(wide_of(d.x), s->alpha_x, 0,
+                       wide_scale(wide_of(d.y), s->rho_alpha_y, s->rho_alpha_y_low));
     k.a = wide_round(a);
     k.b = R(s->kappa_alpha_y) * d.y;
     k.s2 = madd(k.a, k.a, k.b * k.b);
 #if COMPENSATED
-    k.s2_low = square_low(k.s2, a, pair_product(d.y, splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low)));
+    k.s2_low = square_low(k.s2, a,
+                          pair_product(d.y, splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low)));
 #endif
     if (shape == KERNEL_SHEARED) k.c = c.hi, k.c_low = c.lo;
     return k;
@@ -127,8 +134,10 @@ INLINE struct direction direction_of(const struct kernel_surface *s, enum kernel
 /* 2^-e, e the exponent of x >= 0 (of the smallest normal number where x is less). */
 INLINE real inverse_exponent(real x)
 {
-    const lane_bits exponents = REAL_IS_FLOAT ? (lane_bits)0xfe << 23 : (lane_bits)((int64_t)0x7fe << 52);
-    const lane_bits twice_bias = REAL_IS_FLOAT ? (lane_bits)0xfd << 23 : (lane_bits)((int64_t)2045 << 52);
+    const lane_bits exponents = REAL_IS_FLOAT ? (lane_bits)0xfe << 23
+                                              : (lane_bits)((int64_t)0x7fe << 52);
+    const lane_bits twice_bias = REAL_IS_FLOAT ? (lane_bits)0xfd << 23
+                                               : (lane_bits)((int64_t)2045 << 52);
     return (real)(twice_bias - ((bits)x & exponents));
 }
 
@@ -148,15 +157,16 @@ INLINE void standard_slopes(const struct kernel_surface *s, wide mean_x, wide me
                             struct half *h)
 {
 #if COMPENSATED
-    wide cross = wide_madd(mean_y, s->alpha_x, 0, wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
+    wide cross = wide_madd(mean_y, s->alpha_x, 0,
+                           wide_scale(mean_x, -s->rho_alpha_y, -s->rho_alpha_y_low));
     /* scale goes first: scale times a parameter overflows where H is subnormal */
-    pair x = { mean_x.hi * scale, mean_x.lo * scale }, y = { cross.hi * scale, cross.lo * scale };
+    pair x = {mean_x.hi * scale, mean_x.lo * scale}, y = {cross.hi * scale, cross.lo * scale};
     /* Rounded once, what det's double lacks included: D has the fourth power. */
     h->x = x.hi / s->alpha_x;
     h->y = (y.hi + nmadd(y.hi, splat(s->det_low / s->det), y.lo)) / s->det;
-    h->wide_x = pair_multiply(x, (pair){ splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low) });
+    h->wide_x = pair_multiply(x, (pair){splat(s->kappa_alpha_y), splat(s->kappa_alpha_y_low)});
     h->wide_y = y;
-    h->wide_z = pair_multiply(h->wide_z, (pair){ splat(s->det), splat(s->det_low) });
+    h->wide_z = pair_multiply(h->wide_z, (pair){splat(s->det), splat(s->det_low)});
 #else
     (void)scale;
     h->x = mean_x * R(s->inverse_x);
@@ -168,13 +178,14 @@ INLINE struct half half_of(const struct kernel_surface *s, enum kernel_shape sha
                            const struct given *g)
 {
     struct vec3 sum = g->sum;
-    struct half h = { .scale = splat(1) };
+    struct half h = {.scale = splat(1)};
 #if COMPENSATED
     h.scale = scale_of(sum);
-    wide mean_x = pair_sum(g->wi.x, g->wo.x), mean_y = pair_sum(g->wi.y, g->wo.y), up = pair_sum(g->wi.z, g->wo.z);
-    h.wide_x = (pair){ mean_x.hi * h.scale, mean_x.lo * h.scale };
-    h.wide_y = (pair){ mean_y.hi * h.scale, mean_y.lo * h.scale };
-    h.wide_z = (pair){ up.hi * h.scale, up.lo * h.scale };
+    wide mean_x = pair_sum(g->wi.x, g->wo.x), mean_y = pair_sum(g->wi.y, g->wo.y),
+         up = pair_sum(g->wi.z, g->wo.z);
+    h.wide_x = (pair){mean_x.hi * h.scale, mean_x.lo * h.scale};
+    h.wide_y = (pair){mean_y.hi * h.scale, mean_y.lo * h.scale};
+    h.wide_z = (pair){up.hi * h.scale, up.lo * h.scale};
 #else
     wide mean_x = sum.x, mean_y = sum.y, up = sum.z;
 #endif

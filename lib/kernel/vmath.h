@@ -16,25 +16,25 @@
 #define EXP_SHIFT 52
 #define EXP_BIAS 1023
 #define EXP_MAGIC 6755399441055744.0 /* 1.5 * 2^52 */
-#define EXP_DOMAIN 708.0 /* exp(-708) is the last normal double */
+#define EXP_DOMAIN 708.0             /* exp(-708) is the last normal double */
 #endif
 
 /* Horner, written out by the preprocessor. */
 #define HORNER_STEP(c) y_ = madd(y_, x_, splat(R(c)));
-#define HORNER(coefficients, x)                                                 \
-    __extension__({                                                             \
-        real x_ = (x), y_;                                                      \
-        coefficients(POLY_FIRST, HORNER_STEP, HORNER_STEP) y_;                  \
+#define HORNER(coefficients, x)                                                                    \
+    __extension__({                                                                                \
+        real x_ = (x), y_;                                                                         \
+        coefficients(POLY_FIRST, HORNER_STEP, HORNER_STEP) y_;                                     \
     })
 #define POLY_FIRST(c) y_ = splat(R(c));
 
 /* The even and the odd powers each by Horner: half as long a chain for one product more. */
 #define POLY_SECOND(c) z_ = splat(R(c));
 #define POLY_STEP(c) next_ = madd(y_, x2_, splat(R(c))), y_ = z_, z_ = next_;
-#define POLY(coefficients, x)                                                   \
-    __extension__({                                                             \
-        real x_ = (x), x2_ = x_ * x_, y_, z_, next_;                            \
-        coefficients(POLY_FIRST, POLY_SECOND, POLY_STEP) madd(y_, x_, z_);      \
+#define POLY(coefficients, x)                                                                      \
+    __extension__({                                                                                \
+        real x_ = (x), x2_ = x_ * x_, y_, z_, next_;                                               \
+        coefficients(POLY_FIRST, POLY_SECOND, POLY_STEP) madd(y_, x_, z_);                         \
     })
 
 #if defined(FACET_TIER_draft)
@@ -101,7 +101,8 @@ INLINE real exp_lifted(pair x)
     real n = nearest(most);
     return scaled_by(TIER_POLY(EXP2, n - most), R(LIFT) - n);
 #else
-    real shifted = R(EXP_MAGIC) - most, n = shifted - R(EXP_MAGIC), power = TIER_POLY(EXP2, -most - n);
+    real shifted = R(EXP_MAGIC) - most, n = shifted - R(EXP_MAGIC),
+         power = TIER_POLY(EXP2, -most - n);
     return power * (real)(((bits)shifted + (EXP_BIAS + LIFT)) << EXP_SHIFT);
 #endif
 }
@@ -113,7 +114,7 @@ INLINE real exp_minus_pair(pair x)
 
 INLINE real exp_minus(real x)
 {
-    return exp_minus_pair((pair){ x * R(EXPONENT_UNIT), splat(0) });
+    return exp_minus_pair((pair){x * R(EXPONENT_UNIT), splat(0)});
 }
 
 #endif
@@ -132,8 +133,9 @@ INLINE struct sin_cos sin_cos_turns(real u)
     real half = quarter - 2, side = real_abs(real_abs(half) - 1); /* side 0: odd quarters */
     mask odd = less(side, splat(R(0.5)));
     real sine = select(odd, c, s), cosine = select(odd, s, c);
-    mask past = less(real_abs(quarter - R(2.5)), splat(1)), left = less(real_abs(half + R(0.5)), splat(1));
-    return (struct sin_cos){ select(past, -sine, sine), select(left, -cosine, cosine) };
+    mask past = less(real_abs(quarter - R(2.5)), splat(1)),
+         left = less(real_abs(half + R(0.5)), splat(1));
+    return (struct sin_cos){select(past, -sine, sine), select(left, -cosine, cosine)};
 }
 
 /*

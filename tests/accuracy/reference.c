@@ -41,7 +41,8 @@ static quad beckmann_psi(quad w)
 struct reference_roughness reference_roughness(const facet_roughness *r)
 {
     quad rho = (quad)r->rho + r->low.rho;
-    return (struct reference_roughness){(quad)r->alpha_x + r->low.alpha_x, (quad)r->alpha_y + r->low.alpha_y, rho,
+    return (struct reference_roughness){(quad)r->alpha_x + r->low.alpha_x,
+                                        (quad)r->alpha_y + r->low.alpha_y, rho,
                                         sqrtq(1 - rho * rho)};
 }
 
@@ -171,16 +172,11 @@ quad reference_fresnel(const facet_fresnel *f, quad c, size_t channel)
 {
     quad f0 = f->f0[channel];
     switch (f->kind) {
-    case FACET_FRESNEL_SCHLICK:
-        return f0 + (1 - f0) * powq(larger(0, 1 - c), 5);
-    case FACET_FRESNEL_DIELECTRIC:
-        return fresnel_amplitudes(f->eta[channel], 0, c);
-    case FACET_FRESNEL_CONDUCTOR:
-        return fresnel_amplitudes(f->eta[channel], f->k[channel], c);
-    case FACET_FRESNEL_TABLE:
-        return fresnel_nodes(f, c, channel);
-    default:
-        return 1;
+    case FACET_FRESNEL_SCHLICK: return f0 + (1 - f0) * powq(larger(0, 1 - c), 5);
+    case FACET_FRESNEL_DIELECTRIC: return fresnel_amplitudes(f->eta[channel], 0, c);
+    case FACET_FRESNEL_CONDUCTOR: return fresnel_amplitudes(f->eta[channel], f->k[channel], c);
+    case FACET_FRESNEL_TABLE: return fresnel_nodes(f, c, channel);
+    default: return 1;
     }
 }
 
@@ -240,15 +236,13 @@ static struct scaled visibility(const struct pair *p, facet_masking masking)
     if (p->zi <= 0 || p->zo <= 0) return none;
     quad c = p->shear == FACET_THESIS ? p->zi : p->i.c;
     switch (masking) {
-    case FACET_SMITH:
-        return smith_correlated(p);
+    case FACET_SMITH: return smith_correlated(p);
     case FACET_SMITH_UNCORRELATED:
         return c <= 0 ? none : times(over(over(one, p->sigma_i), p->sigma_o), c);
     case FACET_VGROOVE:
         if (p->o.c <= 0) return none;
         return times(one, smaller(cavity(p, p->i), cavity(p, p->o)) / p->o.c);
-    default:
-        return times(one, 2 * p->Hz / p->H2);
+    default: return times(one, 2 * p->Hz / p->H2);
     }
 }
 
@@ -257,12 +251,9 @@ static quad monostatic(const struct pair *p, facet_masking masking, quad z, stru
 {
     if (z <= 0) return 0;
     switch (masking) {
-    case FACET_VGROOVE:
-        return k.c <= 0 ? 0 : cavity(p, k) * z / k.c;
-    case FACET_NONE:
-        return p->Hz <= 0 ? 0 : 2 * z * p->Hz / p->H2;
-    default:
-        return value(over((struct scaled){z, 0}, sigma));
+    case FACET_VGROOVE: return k.c <= 0 ? 0 : cavity(p, k) * z / k.c;
+    case FACET_NONE: return p->Hz <= 0 ? 0 : 2 * z * p->Hz / p->H2;
+    default: return value(over((struct scaled){z, 0}, sigma));
     }
 }
 
@@ -271,12 +262,9 @@ static quad visible_density(const struct pair *p, facet_masking masking)
     if (p->d.factor == 0) return 0;
     quad kh = sqrtq(p->H2) / 2;
     switch (masking) {
-    case FACET_VGROOVE:
-        return p->o.c <= 0 ? 0 : cavity(p, p->o) * kh / p->o.c * value(p->d);
-    case FACET_NONE:
-        return value(p->d) * p->Hz / sqrtq(p->H2);
-    default:
-        return kh * value(over(p->d, p->sigma_o));
+    case FACET_VGROOVE: return p->o.c <= 0 ? 0 : cavity(p, p->o) * kh / p->o.c * value(p->d);
+    case FACET_NONE: return value(p->d) * p->Hz / sqrtq(p->H2);
+    default: return kh * value(over(p->d, p->sigma_o));
     }
 }
 

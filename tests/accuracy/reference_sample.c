@@ -103,6 +103,6 @@ void reference_sample(const facet_material *material, const double wo[3], double
     reference_eval_exact(material, result->wi, wo, H, &all);
     result->pdf = all.of[FACET_PDF][0];
     for (int j = 0; j < 3; j++)
-        result->weight[j] =
-            all.of[FACET_FR_COS][j] == 0 ? 0 : all.of[FACET_FR_COS][j] / result->pdf;
+        result->weight[j] = all.of[FACET_FR_COS][j] == 0 ? 0
+                                                         : all.of[FACET_FR_COS][j] / result->pdf;
 }

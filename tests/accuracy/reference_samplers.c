@@ -70,7 +70,8 @@ static void bounded(const facet_material *material, const double wo[3], quad u1,
     struct reference_view k = reference_project(&material->roughness, o);
     quad r = sqrtq(k.s * k.s + k.c * k.c), share = reference_bounded_share(material, wo);
     quad height = k.c >= 0 ? 1 + share * k.c / r : k.s * k.s / (r * (r - k.c));
-    quad w = u2 * height, t = height * (1 - u2) - share * k.c / r, radius = sqrtq((1 - t) * (1 + t));
+    quad w = u2 * height, t = height * (1 - u2) - share * k.c / r,
+         radius = sqrtq((1 - t) * (1 + t));
     if (share == 1) radius = sqrtq(w * (2 - w)), t = 1 - w;
     m[0] = radius * cosq(2 * M_PIq * u1) + k.a / r;
     m[1] = radius * sinq(2 * M_PIq * u1) + k.b / r;
@@ -124,7 +125,8 @@ static void across(quad u, quad *sine, quad *cosine)
 }
 
 /* tan of beta = asin(u1 (1 + c) - c) - theta along wo; sec(beta) z across. */
-static void slope_ggx(const facet_material *material, const double wo[3], quad u1, quad u2, quad m[3])
+static void slope_ggx(const facet_material *material, const double wo[3], quad u1, quad u2,
+                      quad m[3])
 {
     const quad o[3] = {wo[0], wo[1], wo[2]};
     struct reference_view k = reference_project(&material->roughness, o);
@@ -178,12 +180,14 @@ static void vcavity(const facet_material *material, const double wo[3], quad u1,
     const quad o[3] = {wo[0], wo[1], wo[2]};
     struct reference_view k = reference_project(&material->roughness, o);
     quad radius = material->ndf == FACET_GGX ? sqrtq(u1 / (1 - u1)) : sqrtq(-log1pq(-u1));
-    quad low = 0, high = M_PIq, target = fabsq(2 * u2 - 1), a = k.s > 0 ? k.a / k.s : 1, b = k.s > 0 ? k.b / k.s : 0;
+    quad low = 0, high = M_PIq, target = fabsq(2 * u2 - 1), a = k.s > 0 ? k.a / k.s : 1,
+         b = k.s > 0 ? k.b / k.s : 0;
     for (int i = 0; i < 113; i++) {
         quad psi = (low + high) / 2;
         *(azimuths_within(&k, radius, psi) < target ? &low : &high) = psi;
     }
-    quad x = radius * cosq((low + high) / 2), y = radius * sinq((low + high) / 2) * (u2 < 0.5Q ? -1 : 1);
+    quad x = radius * cosq((low + high) / 2),
+         y = radius * sinq((low + high) / 2) * (u2 < 0.5Q ? -1 : 1);
     m[0] = x * a - y * b;
     m[1] = x * b + y * a;
     m[2] = 1;
@@ -206,17 +210,13 @@ quad reference_pdf_by(enum reference_method method, const facet_material *materi
 {
     struct reference all;
     switch (method) {
-    case REFERENCE_BOUNDED:
-        return bounded_pdf(material, wo, H);
-    case REFERENCE_NDF:
-        return all_normals_pdf(material, H);
-    case REFERENCE_VCAVITY:
-        return reference_vcavity_pdf(material, wo, H);
+    case REFERENCE_BOUNDED: return bounded_pdf(material, wo, H);
+    case REFERENCE_NDF: return all_normals_pdf(material, H);
+    case REFERENCE_VCAVITY: return reference_vcavity_pdf(material, wo, H);
     case REFERENCE_SLOPE_GGX:
         reference_eval_exact(material, wi, wo, H, &all);
         return all.of[FACET_PDF][0];
-    default:
-        return wi[2] > 0 ? wi[2] / M_PIq : 0;
+    default: return wi[2] > 0 ? wi[2] / M_PIq : 0;
     }
 }
 
@@ -255,7 +255,8 @@ void reference_sample_by(enum reference_method method, const facet_material *mat
     reference_eval_exact(material, result->wi, wo, H, &all);
     result->pdf = reference_pdf_by(method, material, result->wi, wo, H);
     for (int j = 0; j < 3; j++)
-        result->weight[j] = all.of[FACET_FR_COS][j] == 0 ? 0 : all.of[FACET_FR_COS][j] / result->pdf;
+        result->weight[j] = all.of[FACET_FR_COS][j] == 0 ? 0
+                                                         : all.of[FACET_FR_COS][j] / result->pdf;
 }
 
 /* ---- back to the random numbers ---------------------------------------------------------------- */
@@ -270,7 +271,8 @@ static quad turn_of(quad y, quad x)
 /* Of the cap: C is k' mirrored at m. */
 static void cap_uniforms(struct reference_view k, quad share, const quad m[3], quad u[2])
 {
-    quad r = sqrtq(k.s * k.s + k.c * k.c), c = k.c / r, along = 2 * (k.a * m[0] + k.b * m[1] + k.c * m[2]) / r;
+    quad r = sqrtq(k.s * k.s + k.c * k.c), c = k.c / r,
+         along = 2 * (k.a * m[0] + k.b * m[1] + k.c * m[2]) / r;
     u[0] = turn_of(along * m[1] - k.b / r, along * m[0] - k.a / r);
     u[1] = 1 - (along * m[2] - c + share * c) / (1 + share * c);
 }
@@ -305,12 +307,14 @@ void reference_uniforms(facet_sampler sampler, const facet_material *material, c
     to_standard(&material->roughness, h, m);
     if (sampler == FACET_SAMPLER_SLOPE) return slope_uniforms(material->ndf, k, m, u);
     if (sampler == FACET_SAMPLER_CAPS) return cap_uniforms(k, 1, m, u);
-    if (sampler == FACET_SAMPLER_BOUNDED) return cap_uniforms(k, reference_bounded_share(material, wo), m, u);
+    if (sampler == FACET_SAMPLER_BOUNDED)
+        return cap_uniforms(k, reference_bounded_share(material, wo), m, u);
     r2 = (m[0] * m[0] + m[1] * m[1]) / (m[2] * m[2]);
     u[0] = material->ndf == FACET_GGX ? r2 / (1 + r2) : -expm1q(-r2);
     u[1] = turn_of(m[1], m[0]);
     if (sampler != FACET_SAMPLER_VCAVITY) return;
-    quad psi = atan2q(m[1] * a - m[0] * b, m[0] * a + m[1] * b), share = azimuths_within(&k, sqrtq(r2), fabsq(psi));
+    quad psi = atan2q(m[1] * a - m[0] * b, m[0] * a + m[1] * b),
+         share = azimuths_within(&k, sqrtq(r2), fabsq(psi));
     u[1] = 0.5Q + (psi < 0 ? -share : share) / 2;
 }
 

@@ -16,8 +16,8 @@
 #include "reference.h"
 
 enum reference_method {
-    REFERENCE_BOUNDED,   /* Eto & Tokuyoshi 2023; GGX, central surfaces, else K = 1 (that is caps) */
-    REFERENCE_NDF,       /* Walter et al. 2007 */
+    REFERENCE_BOUNDED, /* Eto & Tokuyoshi 2023; GGX, central surfaces, else K = 1 (that is caps) */
+    REFERENCE_NDF,     /* Walter et al. 2007 */
     REFERENCE_SLOPE_GGX, /* Heitz & d'Eon 2014, quantiles exact */
     REFERENCE_COSINE,
     REFERENCE_VCAVITY, /* Heitz & d'Eon 2014, algorithm 3 */

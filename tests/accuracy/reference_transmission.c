@@ -40,10 +40,11 @@ static quad masked(const facet_material *m, quad so, quad co, quad si, quad ci)
 }
 
 /* fr on wo's side: of the point reflection, with F. */
-static void reflect(const facet_material *m, const double wi[3], const double wo[3], double side, quad F,
-                    struct reference_bsdf *r)
+static void reflect(const facet_material *m, const double wi[3], const double wo[3], double side,
+                    quad F, struct reference_bsdf *r)
 {
-    const double i[3] = {side * wi[0], side * wi[1], side * wi[2]}, o[3] = {side * wo[0], side * wo[1], side * wo[2]};
+    const double i[3] = {side * wi[0], side * wi[1], side * wi[2]},
+                 o[3] = {side * wo[0], side * wo[1], side * wo[2]};
     facet_material ideal = *m;
     struct reference plain;
     ideal.fresnel.kind = FACET_FRESNEL_IDEAL;
@@ -52,11 +53,12 @@ static void reflect(const facet_material *m, const double wi[3], const double wo
     r->of[FACET_FR_COS] = F * plain.of[FACET_FR_COS][0];
 }
 
-void reference_bsdf(const facet_material *m, facet_transport transport, const double wi[3], const double wo[3],
-                    struct reference_bsdf *r)
+void reference_bsdf(const facet_material *m, facet_transport transport, const double wi[3],
+                    const double wo[3], struct reference_bsdf *r)
 {
     double side = wo[2] < 0 ? -1 : 1;
-    quad eta = m->fresnel.eta[0], n = side > 0 ? eta : 1 / eta, M[3], H[3], i[3], o[3], so, co, si, ci;
+    quad eta = m->fresnel.eta[0], n = side > 0 ? eta : 1 / eta, M[3], H[3], i[3], o[3], so, co, si,
+         ci;
     for (int j = 0; j < 3; j++) {
         i[j] = wi[j], o[j] = wo[j];
         M[j] = -(o[j] + n * i[j]);
@@ -66,7 +68,8 @@ void reference_bsdf(const facet_material *m, facet_transport transport, const do
     for (int j = 0; j < 3; j++) M[j] *= up;
     so = area(m, wo, side, &co);
     si = area(m, wi, -side, &ci);
-    quad c = (quad)side * dot(o, M) / length, cosine_i = -(quad)side * dot(i, M) / length, zi = fabsq(i[2]), zo = fabsq(o[2]);
+    quad c = (quad)side * dot(o, M) / length, cosine_i = -(quad)side * dot(i, M) / length,
+         zi = fabsq(i[2]), zo = fabsq(o[2]);
     bool there = c > 0 && cosine_i > 0;
     quad D = there ? reference_ndf(m, M) : 0, F = there ? reflectance(n, c, n * cosine_i) : 0;
     quad jacobian = there ? n * n * cosine_i / ((c - n * cosine_i) * (c - n * cosine_i)) : 0;
@@ -74,7 +77,8 @@ void reference_bsdf(const facet_material *m, facet_transport transport, const do
     quad Fr = g2 > 0 ? reflectance(n, Hr, sqrtq(g2)) : 1;
     r->transmitted = there ? (1 - F) * c * D / so * jacobian : 0;
     r->reflected = Fr * reference_ndf(m, H) / (4 * so);
-    quad W = zo > 0 && zi > 0 ? masked(m, so, co, si, ci) : 0, scale = transport == FACET_RADIANCE ? 1 / (n * n) : 1;
+    quad W = zo > 0 && zi > 0 ? masked(m, so, co, si, ci) : 0,
+         scale = transport == FACET_RADIANCE ? 1 / (n * n) : 1;
     r->of[FACET_FR_COS] = r->transmitted * W * scale;
     r->of[FACET_FR] = zi > 0 ? r->of[FACET_FR_COS] / zi : 0;
     r->of[FACET_PDF] = r->reflected + r->transmitted;
@@ -88,7 +92,8 @@ void reference_bsdf(const facet_material *m, facet_transport transport, const do
     if (side * wi[2] > 0) reflect(m, wi, wo, side, Fr, r);
 }
 
-bool reference_bsdf_sample(const facet_material *m, const double wo_[3], const double u[3], quad wi[3])
+bool reference_bsdf_sample(const facet_material *m, const double wo_[3], const double u[3],
+                           quad wi[3])
 {
     double turn = wo_[2] < 0 ? -1 : 1;
     const double wo[3] = {turn * wo_[0], turn * wo_[1], turn * wo_[2]};
@@ -99,8 +104,10 @@ bool reference_bsdf_sample(const facet_material *m, const double wo_[3], const d
     quad eta = m->fresnel.eta[0], n = turn > 0 ? eta : 1 / eta, c = 0;
     for (int j = 0; j < 3; j++) c += s.h[j] * wo[j];
     quad g2 = n * n - 1 + c * c, g = g2 > 0 ? sqrtq(g2) : 0;
-    quad rs = (c - g) / (c + g), rp = (n * n * c - g) / (n * n * c + g), F = g2 > 0 ? (rs * rs + rp * rp) / 2 : 1;
+    quad rs = (c - g) / (c + g), rp = (n * n * c - g) / (n * n * c + g),
+         F = g2 > 0 ? (rs * rs + rp * rp) / 2 : 1;
     if (fabsq(F - u[2]) < 1e-5Q) return false; /* rounding may choose the other lobe */
-    for (int j = 0; j < 3; j++) wi[j] = turn * (u[2] < F ? s.wi[j] : -(wo[j] + (g - c) * s.h[j]) / n);
+    for (int j = 0; j < 3; j++)
+        wi[j] = turn * (u[2] < F ? s.wi[j] : -(wo[j] + (g - c) * s.h[j]) / n);
     return true;
 }

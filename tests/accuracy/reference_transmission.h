@@ -9,7 +9,8 @@
 #include "reference.h"
 
 struct reference_bsdf {
-    quad of[FACET_QUANTITY_COUNT]; /* FR, FR_COS and PDF on either side of the surface, the others across it */
+    quad of
+        [FACET_QUANTITY_COUNT]; /* FR, FR_COS and PDF on either side of the surface, the others across it */
     quad reflected, transmitted; /* densities of the lobes */
 };
 
@@ -20,7 +21,8 @@ void reference_bsdf(const facet_material *material, facet_transport transport, c
  * wi of the same numbers: the reference's normal, Snell's law, F from its amplitudes.  False where F is so
  * close to u[2] that rounding may choose the other lobe.
  */
-bool reference_bsdf_sample(const facet_material *material, const double wo[3], const double u[3], quad wi[3]);
+bool reference_bsdf_sample(const facet_material *material, const double wo[3], const double u[3],
+                           quad wi[3]);
 
 /* Gamma(1 + a) Gamma(1 + b) / Gamma(1 + a + b). */
 quad reference_opposite(quad a, quad b);

@@ -17,7 +17,8 @@
 
 enum { PAIRS = 20 };
 
-static const struct draw_domain domain = {.alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0.95, .slope_max = 0.5, .cosine_min = 1e-6};
+static const struct draw_domain domain = {
+    .alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0.95, .slope_max = 0.5, .cosine_min = 1e-6};
 
 struct text {
     char bytes[16384];
@@ -35,7 +36,8 @@ __attribute__((format(printf, 2, 3))) static void put(struct text *t, const char
 static void put_directions(struct text *t, const char *name, double w[PAIRS][3])
 {
     put(t, ",\"%s\":[", name);
-    for (int k = 0; k < PAIRS; k++) put(t, "%s[%.17g,%.17g,%.17g]", k ? "," : "", w[k][0], w[k][1], w[k][2]);
+    for (int k = 0; k < PAIRS; k++)
+        put(t, "%s[%.17g,%.17g,%.17g]", k ? "," : "", w[k][0], w[k][1], w[k][2]);
     put(t, "]");
 }
 
@@ -43,11 +45,15 @@ static void put_material(struct text *t, const facet_material *m)
 {
     static const char *const maskings[] = {"smith", "smith_uncorrelated", "vgroove", "none"};
     const facet_roughness *r = &m->roughness;
-    put(t, "{\"material\":{\"ndf\":\"%s\",\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g,\"mean_slope\":[%.17g,%.17g],\"masking\":\"%s\"",
-        m->ndf == FACET_GGX ? "ggx" : "beckmann", r->alpha_x, r->alpha_y, r->rho, r->slope_x, r->slope_y, maskings[m->masking]);
+    put(t,
+        "{\"material\":{\"ndf\":\"%s\",\"alpha_x\":%.17g,\"alpha_y\":%.17g,\"rho\":%.17g,\"mean_slope\":[%.17g,%.17g],\"masking\":\"%s\"",
+        m->ndf == FACET_GGX ? "ggx" : "beckmann", r->alpha_x, r->alpha_y, r->rho, r->slope_x,
+        r->slope_y, maskings[m->masking]);
     const facet_fresnel *f = &m->fresnel;
-    if (f->kind == FACET_FRESNEL_SCHLICK) put(t, ",\"fresnel\":{\"schlick\":{\"f0\":%.17g}}", f->f0[0]);
-    if (f->kind == FACET_FRESNEL_DIELECTRIC) put(t, ",\"fresnel\":{\"dielectric\":{\"eta\":%.17g}}", f->eta[0]);
+    if (f->kind == FACET_FRESNEL_SCHLICK)
+        put(t, ",\"fresnel\":{\"schlick\":{\"f0\":%.17g}}", f->f0[0]);
+    if (f->kind == FACET_FRESNEL_DIELECTRIC)
+        put(t, ",\"fresnel\":{\"dielectric\":{\"eta\":%.17g}}", f->eta[0]);
     put(t, "}");
 }
 
@@ -58,8 +64,10 @@ static double length(const double w[3])
 
 static facet_material any_material(struct rng *rng)
 {
-    facet_material m = {.ndf = rng_uniform(rng) < 0.5 ? FACET_GGX : FACET_BECKMANN, .fresnel = {.channels = 1}};
-    m.masking = rng_uniform(rng) < 0.7 ? FACET_SMITH : (facet_masking)(rng_uniform(rng) * FACET_MASKING_COUNT);
+    facet_material m = {.ndf = rng_uniform(rng) < 0.5 ? FACET_GGX : FACET_BECKMANN,
+                        .fresnel = {.channels = 1}};
+    m.masking = rng_uniform(rng) < 0.7 ? FACET_SMITH
+                                       : (facet_masking)(rng_uniform(rng) * FACET_MASKING_COUNT);
     draw_roughness(rng, &domain, &m.roughness);
     m.fresnel.kind = (facet_fresnel_kind)(rng_uniform(rng) * 3); /* ideal, Schlick, dielectric */
     m.fresnel.f0[0] = rng_uniform(rng);
@@ -93,39 +101,49 @@ static void read_bytes(const struct answer *a, struct told *told)
 {
     const char *layout = "", *answer = "{}";
     for (size_t i = 0; i < a->response.header_count; i++) {
-        if (!strcmp(a->response.headers[i].name, "Facet-Layout")) layout = a->response.headers[i].value;
-        if (!strcmp(a->response.headers[i].name, "Facet-Answer")) answer = a->response.headers[i].value;
+        if (!strcmp(a->response.headers[i].name, "Facet-Layout"))
+            layout = a->response.headers[i].value;
+        if (!strcmp(a->response.headers[i].name, "Facet-Answer"))
+            answer = a->response.headers[i].value;
     }
     json_t *root = json_loads(answer, 0, NULL), *accuracy = json_object_get(root, "accuracy");
     told->bound = answer_value(json_object_get(accuracy, "bound"));
     for (int t = 0; t < FACET_TIER_COUNT; t++) {
-        const char *name = facet_tier_name((facet_tier)t), *tier = json_string_value(json_object_get(accuracy, "tier"));
+        const char *name = facet_tier_name((facet_tier)t),
+                   *tier = json_string_value(json_object_get(accuracy, "tier"));
         if (tier && !strcmp(tier, name)) told->tier = name;
     }
     json_decref(root);
     told->floats = strstr(layout, "<f4");
-    CHECK_INT(a->response.body_size, ASKED * PAIRS * (told->floats ? sizeof(float) : sizeof(double)));
+    CHECK_INT(a->response.body_size,
+              ASKED * PAIRS * (told->floats ? sizeof(float) : sizeof(double)));
     for (size_t j = 0; j < ASKED; j++)
         for (size_t k = 0; k < PAIRS; k++) {
             size_t i = j * PAIRS + k;
-            told->y[j][k] = told->floats ? ((const float *)a->response.body)[i] : ((const double *)a->response.body)[i];
+            told->y[j][k] = told->floats ? ((const float *)a->response.body)[i]
+                                         : ((const double *)a->response.body)[i];
         }
 }
 
-static void check_told(const facet_material *m, const struct told *told, double wi[PAIRS][3], double wo[PAIRS][3], size_t tiers[FACET_TIER_COUNT])
+static void check_told(const facet_material *m, const struct told *told, double wi[PAIRS][3],
+                       double wo[PAIRS][3], size_t tiers[FACET_TIER_COUNT])
 {
-    for (int t = 0; t < FACET_TIER_COUNT; t++) tiers[t] += told->tier && !strcmp(told->tier, facet_tier_name((facet_tier)t));
+    for (int t = 0; t < FACET_TIER_COUNT; t++)
+        tiers[t] += told->tier && !strcmp(told->tier, facet_tier_name((facet_tier)t));
     for (size_t k = 0; k < PAIRS; k++) {
         struct reference x;
         reference_eval(m, wi[k], wo[k], &x);
         for (size_t j = 0; j < ASKED; j++) {
-            double y = told->y[j][k], error = reference_error(y, x.of[asked[j].quantity][0], FACET_FLOOR);
+            double y = told->y[j][k],
+                   error = reference_error(y, x.of[asked[j].quantity][0], FACET_FLOOR);
             if (error <= told->bound) continue;
-            check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, answered bound %.3g, %s%s\n    %s\n    "
-                       "wi {%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}", asked[j].name, y,
-                       (double)x.of[asked[j].quantity][0], error, told->bound, told->tier ? told->tier : "?",
-                       told->as_form ? told->floats ? " in floats" : " as a form" : "", draw_text(m),
-                       wi[k][0], wi[k][1], wi[k][2], wo[k][0], wo[k][1], wo[k][2]);
+            check_fail(__FILE__, __LINE__,
+                       "%s is %.17g, not %.17g: error %.3g, answered bound %.3g, %s%s\n    %s\n    "
+                       "wi {%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}",
+                       asked[j].name, y, (double)x.of[asked[j].quantity][0], error, told->bound,
+                       told->tier ? told->tier : "?",
+                       told->as_form ? told->floats ? " in floats" : " as a form" : "",
+                       draw_text(m), wi[k][0], wi[k][1], wi[k][2], wo[k][0], wo[k][1], wo[k][2]);
         }
     }
 }
@@ -141,7 +159,8 @@ static void round_to_floats(double w[PAIRS][3], float out[PAIRS][3])
 }
 
 /* As JSON, or as a form of floats that is answered in bytes. */
-static struct answer ask_pairs(struct text *t, double wi[PAIRS][3], double wo[PAIRS][3], double tolerance, bool as_form)
+static struct answer ask_pairs(struct text *t, double wi[PAIRS][3], double wo[PAIRS][3],
+                               double tolerance, bool as_form)
 {
     static const char rest[] = ",\"outputs\":[\"fr\",\"pdf\",\"D\"],\"tolerance\":";
     if (!as_form) {
@@ -158,8 +177,12 @@ static struct answer ask_pairs(struct text *t, double wi[PAIRS][3], double wo[PA
     form_add(&form, "wi", in[0], sizeof in[0]);
     form_add(&form, "wo", in[1], sizeof in[1]);
     form_end(&form);
-    struct answer a = ask_with((struct api_request){.method = "POST", .path = "/v1/eval", .content_type = FORM_TYPE,
-                                                    .accept = "application/octet-stream", .body = form.bytes, .body_size = form.size});
+    struct answer a = ask_with((struct api_request){.method = "POST",
+                                                    .path = "/v1/eval",
+                                                    .content_type = FORM_TYPE,
+                                                    .accept = "application/octet-stream",
+                                                    .body = form.bytes,
+                                                    .body_size = form.size});
     form_clear(&form);
     return a;
 }
@@ -180,7 +203,8 @@ TEST(no_error_exceeds_the_bound_answered)
             do { /* what is not a unit vector is normalised first, or refused */
                 draw_pair(&rng, &domain, &m, wi[k], wo[k]);
             } while (fabs(length(wi[k]) - 1) > 1e-7 || fabs(length(wo[k]) - 1) > 1e-7);
-            for (int j = 0; j < 3 && floats; j++) wi[k][j] = (float)wi[k][j], wo[k][j] = (float)wo[k][j];
+            for (int j = 0; j < 3 && floats; j++)
+                wi[k][j] = (float)wi[k][j], wo[k][j] = (float)wo[k][j];
         }
         put_material(&t, &m);
         struct answer a = ask_pairs(&t, wi, wo, rng_log(&rng, 1e-15, 1e-1), as_form);
@@ -201,7 +225,8 @@ TEST(no_error_exceeds_the_bound_answered)
     check_note("pairs", (double)pairs);
     check_note("answered in floats", (double)in_floats);
     check_note("refused", (double)refused);
-    for (int t = 0; t < FACET_TIER_COUNT; t++) check_note(facet_tier_name((facet_tier)t), (double)tiers[t]);
+    for (int t = 0; t < FACET_TIER_COUNT; t++)
+        check_note(facet_tier_name((facet_tier)t), (double)tiers[t]);
     if (draw_count(100) < 100) return;
     CHECK(tiers[FACET_DRAFT] && tiers[FACET_FAST] && tiers[FACET_EXACT32] && tiers[FACET_PRECISE]);
     CHECK(in_floats);

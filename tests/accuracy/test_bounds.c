@@ -291,14 +291,18 @@ TEST(densities_of_normals_that_turn_their_back)
     size_t n = draw_count(4000), beyond = 0;
     rng_seed(&rng, 77);
     for (size_t k = 0; k < n; k++) {
-        double alpha = 0.05 + 0.3 * rng_uniform(&rng), lean = alpha * (4 + 8 * rng_uniform(&rng)), wi[3], wo[3], pdf, bound;
-        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {.alpha_x = alpha, .alpha_y = alpha, .slope_y = lean}, .fresnel = {.channels = 1}};
+        double alpha = 0.05 + 0.3 * rng_uniform(&rng), lean = alpha * (4 + 8 * rng_uniform(&rng)),
+               wi[3], wo[3], pdf, bound;
+        facet_material m = {.ndf = FACET_BECKMANN,
+                            .roughness = {.alpha_x = alpha, .alpha_y = alpha, .slope_y = lean},
+                            .fresnel = {.channels = 1}};
         facet_brdf *brdf = NULL;
         struct reference x;
         draw_direction(&rng, 0.05, wo);
         wo[1] = fabs(wo[1]); /* away from the mean slope */
         double step = pow(10, -6 + 3 * rng_uniform(&rng));
-        for (int j = 0; j < 3; j++) wi[j] = (float)(step * (rng_uniform(&rng) - 0.5) - wo[j]), wo[j] = (float)wo[j];
+        for (int j = 0; j < 3; j++)
+            wi[j] = (float)(step * (rng_uniform(&rng) - 0.5) - wo[j]), wo[j] = (float)wo[j];
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         if (!brdf) continue;
         reference_eval(&m, wi, wo, &x);
@@ -306,12 +310,17 @@ TEST(densities_of_normals_that_turn_their_back)
         const facet_outputs outputs = {.of = {[FACET_PDF] = {&pdf}}};
         for (int t = 0; t < FACET_TIER_COUNT; t++) {
             facet_tier tier = (facet_tier)t;
-            if (!facet_bound(brdf, tier, FACET_PDF, 0, &bound) || x.of[FACET_PDF][0] > 1e300Q) continue;
-            CHECK_INT(facet_eval(brdf, tier, (facet_vec3_in){&wi[0], &wi[1], &wi[2]}, (facet_vec3_in){&wo[0], &wo[1], &wo[2]}, 1, &outputs), FACET_OK);
+            if (!facet_bound(brdf, tier, FACET_PDF, 0, &bound) || x.of[FACET_PDF][0] > 1e300Q)
+                continue;
+            CHECK_INT(facet_eval(brdf, tier, (facet_vec3_in){&wi[0], &wi[1], &wi[2]},
+                                 (facet_vec3_in){&wo[0], &wo[1], &wo[2]}, 1, &outputs),
+                      FACET_OK);
             double error = reference_error(pdf, x.of[FACET_PDF][0], FACET_FLOOR);
             check_note(facet_tier_name(tier), error / bound);
             if (!(error <= bound))
-                check_fail(__FILE__, __LINE__, "%s pdf is %.17g, not %.17g, bound %.3g: %s", facet_tier_name(tier), pdf, (double)x.of[FACET_PDF][0], bound, draw_text(&m));
+                check_fail(__FILE__, __LINE__, "%s pdf is %.17g, not %.17g, bound %.3g: %s",
+                           facet_tier_name(tier), pdf, (double)x.of[FACET_PDF][0], bound,
+                           draw_text(&m));
         }
         facet_brdf_destroy(brdf);
     }

@@ -40,8 +40,8 @@ static bool method_of(facet_sampler sampler, facet_ndf ndf, enum reference_metho
     }
 }
 
-static void exact_sample(facet_sampler sampler, const facet_material *m, const double wo[3], double u1,
-                         double u2, struct reference_sample *x)
+static void exact_sample(facet_sampler sampler, const facet_material *m, const double wo[3],
+                         double u1, double u2, struct reference_sample *x)
 {
     enum reference_method method;
     if (method_of(sampler, m->ndf, &method))
@@ -50,8 +50,8 @@ static void exact_sample(facet_sampler sampler, const facet_material *m, const d
         reference_sample(m, wo, u1, u2, x);
 }
 
-static quad exact_pdf(facet_sampler sampler, const facet_material *m, const quad wi[3], const double wo[3],
-                      const quad H[3])
+static quad exact_pdf(facet_sampler sampler, const facet_material *m, const quad wi[3],
+                      const double wo[3], const quad H[3])
 {
     enum reference_method method;
     struct reference all;
@@ -148,12 +148,12 @@ static struct miss distance(const struct reference_sample *a, const struct refer
  * the cap opposite wo, they hang on the last bits of both: no arithmetic that rounds does better.
  */
 static struct miss sample_moves(facet_sampler sampler, const facet_material *m, const double wo[3],
-                                double u1, double u2,
-                                const struct reference_sample *x, double step)
+                                double u1, double u2, const struct reference_sample *x, double step)
 {
     struct miss most = {0, 0, 0};
     bool around = sampler == FACET_SAMPLER_NDF || sampler == FACET_SAMPLER_COSINE;
-    bool caps = m->ndf == FACET_GGX && sampler != FACET_SAMPLER_SLOPE && sampler != FACET_SAMPLER_VCAVITY;
+    bool caps = m->ndf == FACET_GGX && sampler != FACET_SAMPLER_SLOPE &&
+                sampler != FACET_SAMPLER_VCAVITY;
     int turns = around ? 2 : caps ? 1 : 0; /* which u is an azimuth */
     for (int axis = 0; axis < 10; axis++) {
         double o[3] = {wo[0], wo[1], wo[2]}, by = axis & 1 ? -step : step, v1 = u1, v2 = u2;
@@ -202,8 +202,8 @@ static bool beyond_caps(const facet_material *m, double u2)
  * The pdf of NDF has a pole where wo.h is 0, that of VCAVITY behind the mean facet, and so does its
  * error: there it is wo.h that has to be right, absolutely.
  */
-static bool near_the_pole(const struct batch *b, size_t k, const double wo[3], const struct reference_sample *x,
-                          struct miss miss, double bound)
+static bool near_the_pole(const struct batch *b, size_t k, const double wo[3],
+                          const struct reference_sample *x, struct miss miss, double bound)
 {
     double seen = fabs((double)(wo[0] * x->h[0] + wo[1] * x->h[1] + wo[2] * x->h[2]));
     bool pole = b->sampler == FACET_SAMPLER_NDF || b->sampler == FACET_SAMPLER_VCAVITY;
@@ -227,7 +227,8 @@ static void check_sample(const facet_material *m, facet_tier tier, const struct 
     struct miss miss = miss_of(b, k, &x);
     tally->checked++;
     bool plain = within(miss, none, bound), fair = plain;
-    if (!plain) fair = within(miss, sample_moves(b->sampler, m, wo, b->u1[k], b->u2[k], &x, bound), bound);
+    if (!plain)
+        fair = within(miss, sample_moves(b->sampler, m, wo, b->u1[k], b->u2[k], &x, bound), bound);
     if (!fair) fair = near_the_pole(b, k, wo, &x, miss, bound);
     tally->forgiven += fair && !plain;
     bool weights = weights_within(m, wo, b, k, &x, fmax(bound, fair ? miss.wi : 0), bound);
@@ -243,10 +244,10 @@ static void check_sample(const facet_material *m, facet_tier tier, const struct 
                "%s %s: wi off %.3g, h off %.3g, pdf off %.3g (bound %.3g)\n    %s\n    wo {%.17g, "
                "%.17g, %.17g} u %.17g %.17g: wi {%.9g, %.9g, %.9g} not {%.9g, %.9g, %.9g}, pdf "
                "%.9g not %.9g, weight %.9g not %.9g",
-               facet_sampler_name(b->sampler), facet_tier_name(tier), miss.wi, miss.h, miss.pdf, bound, draw_text(m), wo[0], wo[1],
-               wo[2], b->u1[k], b->u2[k], b->wi[0][k], b->wi[1][k], b->wi[2][k], (double)x.wi[0],
-               (double)x.wi[1], (double)x.wi[2], b->pdf[k], (double)x.pdf, b->weight[0][k],
-               (double)x.weight[0]);
+               facet_sampler_name(b->sampler), facet_tier_name(tier), miss.wi, miss.h, miss.pdf,
+               bound, draw_text(m), wo[0], wo[1], wo[2], b->u1[k], b->u2[k], b->wi[0][k],
+               b->wi[1][k], b->wi[2][k], (double)x.wi[0], (double)x.wi[1], (double)x.wi[2],
+               b->pdf[k], (double)x.pdf, b->weight[0][k], (double)x.weight[0]);
 }
 
 static struct tally walk(const struct draw_domain *domain, size_t materials, facet_tier tier,
@@ -281,13 +282,16 @@ static void walk_all(const struct draw_domain *domain, facet_sampler sampler, si
     for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
         for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
             if (!facet_sampler_serves(sampler, (facet_ndf)ndf)) continue;
-            size_t n = draw_count(ndf == FACET_GGX || sampler != FACET_SAMPLER_AUTO ? materials : materials / 6);
+            size_t n = draw_count(
+                ndf == FACET_GGX || sampler != FACET_SAMPLER_AUTO ? materials : materials / 6);
             struct tally tally = walk(domain, n, (facet_tier)tier, sampler, (facet_ndf)ndf, &rng);
             check_note("crowded share", (double)tally.forgiven / (double)tally.checked);
             /* A scaled-down run of the named ones is too few to be sure of that. */
             bool sure = sampler == FACET_SAMPLER_AUTO || n >= 5;
-            if (tally.checked < (sure ? 10 * n : 1) || (double)tally.forgiven > 0.05 * (double)tally.checked + 3)
-                check_fail(__FILE__, __LINE__, "tier %d ndf %d: %zu samples, %zu crowded", tier, ndf, tally.checked, tally.forgiven);
+            if (tally.checked < (sure ? 10 * n : 1) ||
+                (double)tally.forgiven > 0.05 * (double)tally.checked + 3)
+                check_fail(__FILE__, __LINE__, "tier %d ndf %d: %zu samples, %zu crowded", tier,
+                           ndf, tally.checked, tally.forgiven);
         }
 }
 
@@ -303,8 +307,9 @@ TEST(samples_everywhere)
 
 TEST(samples_by_name)
 {
-    static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_SLOPE, FACET_SAMPLER_NDF,
-                                             FACET_SAMPLER_COSINE, FACET_SAMPLER_VCAVITY};
+    static const facet_sampler samplers[] = {FACET_SAMPLER_BOUNDED, FACET_SAMPLER_SLOPE,
+                                             FACET_SAMPLER_NDF, FACET_SAMPLER_COSINE,
+                                             FACET_SAMPLER_VCAVITY};
     for (int k = 0; k < 5; k++) {
         walk_all(&draw_ordinary, samplers[k], 6, 53);
         walk_all(&draw_everywhere, samplers[k], 6, 54);
@@ -315,7 +320,8 @@ TEST(samples_by_name)
  * A density on the edge of what BOUNDED makes, or VCAVITY from behind: does it change between 0 and
  * more if wi moves by step?
  */
-static bool on_the_edge(facet_sampler sampler, const facet_material *m, const double wi[3], const double wo[3], double step)
+static bool on_the_edge(facet_sampler sampler, const facet_material *m, const double wi[3],
+                        const double wo[3], double step)
 {
     int zeros = 0;
     for (int axis = 0; axis < 7; axis++) {
@@ -328,8 +334,8 @@ static bool on_the_edge(facet_sampler sampler, const facet_material *m, const do
 }
 
 /* One density against the reference; false where it only fell on the other side of the edge. */
-static bool check_pdf(const facet_material *m, facet_tier tier, facet_sampler sampler, const double wi[3],
-                      const double wo[3], double got, double bound)
+static bool check_pdf(const facet_material *m, facet_tier tier, facet_sampler sampler,
+                      const double wi[3], const double wo[3], double got, double bound)
 {
     const quad i[3] = {wi[0], wi[1], wi[2]}, H[3] = {i[0] + wo[0], i[1] + wo[1], i[2] + wo[2]};
     quad x = exact_pdf(sampler, m, i, wo, H);
@@ -338,30 +344,31 @@ static bool check_pdf(const facet_material *m, facet_tier tier, facet_sampler sa
     /* Above the horizon lib never cuts; the formula may, where wo is a rounded float whose length is not 1. */
     double step = wi[2] > 0 ? fmax(edge[tier], 1e-6) : edge[tier];
     bool edged = sampler == FACET_SAMPLER_BOUNDED || sampler == FACET_SAMPLER_VCAVITY;
-    if (!(error <= bound) && edged && on_the_edge(sampler, m, wi, wo, step))
-        return false;
+    if (!(error <= bound) && edged && on_the_edge(sampler, m, wi, wo, step)) return false;
     char name[64];
-    snprintf(name, sizeof name, "pdf %s/%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann", facet_sampler_name(sampler),
-             facet_tier_name(tier));
+    snprintf(name, sizeof name, "pdf %s/%s/%s", m->ndf == FACET_GGX ? "ggx" : "beckmann",
+             facet_sampler_name(sampler), facet_tier_name(tier));
     check_note(name, error / bound);
     if (!(error <= bound))
-        check_fail(__FILE__, __LINE__,
-                   "%s %s: pdf %.17g not %.17g, off %.3g (bound %.3g)\n    %s\n    wi {%.17g, %.17g, %.17g} wo "
-                   "{%.17g, %.17g, %.17g}",
-                   facet_sampler_name(sampler), facet_tier_name(tier), got, (double)x, error, bound, draw_text(m),
-                   wi[0], wi[1], wi[2], wo[0], wo[1], wo[2]);
+        check_fail(
+            __FILE__, __LINE__,
+            "%s %s: pdf %.17g not %.17g, off %.3g (bound %.3g)\n    %s\n    wi {%.17g, %.17g, %.17g} wo "
+            "{%.17g, %.17g, %.17g}",
+            facet_sampler_name(sampler), facet_tier_name(tier), got, (double)x, error, bound,
+            draw_text(m), wi[0], wi[1], wi[2], wo[0], wo[1], wo[2]);
     return true;
 }
 
 enum { PAIRS = 37 };
 
-static void walk_pdfs(const struct draw_domain *domain, facet_tier tier, facet_sampler sampler, facet_ndf ndf,
-                      struct rng *rng, struct tally *tally)
+static void walk_pdfs(const struct draw_domain *domain, facet_tier tier, facet_sampler sampler,
+                      facet_ndf ndf, struct rng *rng, struct tally *tally)
 {
     facet_material m = {.ndf = ndf, .fresnel = {.channels = 1}};
     double i[3][PAIRS], o[3][PAIRS], pdf[PAIRS], bound;
     draw_roughness(rng, domain, &m.roughness);
-    if (sampler == FACET_SAMPLER_BOUNDED && rng_uniform(rng) < 0.7) m.roughness.slope_x = m.roughness.slope_y = 0;
+    if (sampler == FACET_SAMPLER_BOUNDED && rng_uniform(rng) < 0.7)
+        m.roughness.slope_x = m.roughness.slope_y = 0;
     facet_brdf *brdf = NULL;
     CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
     if (!brdf) return;
@@ -391,14 +398,18 @@ static void densities_of(facet_sampler sampler, struct rng *rng)
             if (!facet_sampler_serves(sampler, (facet_ndf)ndf)) continue;
             kinds++;
             for (size_t k = 0; k < rounds; k++)
-                walk_pdfs(k & 1 ? &sphere : &draw_everywhere, (facet_tier)tier, sampler, (facet_ndf)ndf, rng, &tally);
+                walk_pdfs(k & 1 ? &sphere : &draw_everywhere, (facet_tier)tier, sampler,
+                          (facet_ndf)ndf, rng, &tally);
         }
         char name[48];
-        snprintf(name, sizeof name, "%s/%s: forgiven", facet_sampler_name(sampler), facet_tier_name((facet_tier)tier));
+        snprintf(name, sizeof name, "%s/%s: forgiven", facet_sampler_name(sampler),
+                 facet_tier_name((facet_tier)tier));
         check_note(name, (double)tally.forgiven / (double)tally.checked);
-        if (!(tally.checked >= rounds * kinds * PAIRS / 2 && tally.forgiven <= 2e-3 * (double)tally.checked))
-            check_fail(__FILE__, __LINE__, "%s %s: %zu checked, %zu forgiven", facet_sampler_name(sampler),
-                       facet_tier_name((facet_tier)tier), tally.checked, tally.forgiven);
+        if (!(tally.checked >= rounds * kinds * PAIRS / 2 &&
+              tally.forgiven <= 2e-3 * (double)tally.checked))
+            check_fail(__FILE__, __LINE__, "%s %s: %zu checked, %zu forgiven",
+                       facet_sampler_name(sampler), facet_tier_name((facet_tier)tier),
+                       tally.checked, tally.forgiven);
     }
 }
 
@@ -407,5 +418,6 @@ TEST(densities_by_name)
     struct rng rng;
     rng_seed(&rng, 55);
     for (int s = FACET_SAMPLER_BOUNDED; s < FACET_SAMPLER_COUNT; s++)
-        if (s != FACET_SAMPLER_SLOPE && s != FACET_SAMPLER_TABLE) densities_of((facet_sampler)s, &rng);
+        if (s != FACET_SAMPLER_SLOPE && s != FACET_SAMPLER_TABLE)
+            densities_of((facet_sampler)s, &rng);
 }

@@ -32,7 +32,8 @@ static facet_material draw_glass(struct rng *rng)
     m.fresnel.eta[0] = draw_index(rng);
     draw_roughness(rng, &draw_everywhere, &m.roughness);
     double least = facet_roughness_to_ellipse(&m.roughness).alpha_2;
-    double lean = hypot(m.roughness.slope_x, m.roughness.slope_y), most = 0.9 * FACET_TRANSMISSION_LEAN_MAX * least;
+    double lean = hypot(m.roughness.slope_x, m.roughness.slope_y),
+           most = 0.9 * FACET_TRANSMISSION_LEAN_MAX * least;
     if (m.ndf == FACET_BECKMANN && lean > most) {
         m.roughness.slope_x *= most / lean;
         m.roughness.slope_y *= most / lean;
@@ -60,7 +61,8 @@ static void draw_across(struct rng *rng, const facet_material *m, double wi[3], 
     const facet_roughness *r = &m->roughness;
     draw_direction(rng, rng_uniform(rng) < 0.3 ? 0 : 1e-3, wo);
     double x = r->alpha_x * tan(1.5 * (2 * rng_uniform(rng) - 1)) + r->slope_x;
-    double y = r->alpha_y * tan(1.5 * (2 * rng_uniform(rng) - 1)) + r->slope_y, length = sqrt(1 + x * x + y * y);
+    double y = r->alpha_y * tan(1.5 * (2 * rng_uniform(rng) - 1)) + r->slope_y,
+           length = sqrt(1 + x * x + y * y);
     h[0] = -x / length, h[1] = -y / length, h[2] = 1 / length;
     bool below = rng_uniform(rng) < 0.5;
     if (!refract(h, wo, below ? 1 / n : n, wi)) {
@@ -105,7 +107,8 @@ static void draw_pairs(struct rng *rng, const facet_material *m, struct pairs *p
 }
 
 /* Compares one quantity with what a tier promises of it and returns in how many pairs. */
-static size_t check_quantity(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier, int q, const struct pairs *p)
+static size_t check_quantity(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier,
+                             int q, const struct pairs *p)
 {
     double bound;
     char name[64];
@@ -120,14 +123,17 @@ static size_t check_quantity(const facet_bsdf *bsdf, const facet_material *m, fa
         checked++;
         check_note(name, error / bound);
         if (!(error <= bound))
-            check_fail(__FILE__, __LINE__, "%s is %.17g, not %.17g: error %.3g, bound %.3g; eta %.17g\n    %s\n    wi "
-                       "{%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}", name, p->y[q][k], (double)x, error, bound,
-                       m->fresnel.eta[0], draw_text(m), p->i[0][k], p->i[1][k], p->i[2][k], p->o[0][k], p->o[1][k], p->o[2][k]);
+            check_fail(__FILE__, __LINE__,
+                       "%s is %.17g, not %.17g: error %.3g, bound %.3g; eta %.17g\n    %s\n    wi "
+                       "{%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}",
+                       name, p->y[q][k], (double)x, error, bound, m->fresnel.eta[0], draw_text(m),
+                       p->i[0][k], p->i[1][k], p->i[2][k], p->o[0][k], p->o[1][k], p->o[2][k]);
     }
     return checked;
 }
 
-static size_t check_pairs(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier, struct pairs *p)
+static size_t check_pairs(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier,
+                          struct pairs *p)
 {
     size_t checked = 0;
     facet_outputs outputs = {0};
@@ -154,7 +160,8 @@ TEST(quantities_of_both_lobes)
         CHECK_INT(status, FACET_OK);
         if (status) continue;
         draw_pairs(&rng, &m, &pairs);
-        for (int t = 0; t < FACET_TIER_COUNT; t++) checked[t] += check_pairs(bsdf, &m, (facet_tier)t, &pairs);
+        for (int t = 0; t < FACET_TIER_COUNT; t++)
+            checked[t] += check_pairs(bsdf, &m, (facet_tier)t, &pairs);
         facet_bsdf_destroy(bsdf);
     }
     for (int t = 0; t < FACET_TIER_COUNT; t++) {
@@ -164,22 +171,29 @@ TEST(quantities_of_both_lobes)
 }
 
 /* Where a tier's wi of u is against the exact one; how many components that was. */
-static size_t check_sample(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier, const double wo[3], const double u[3],
-                           const quad exact[3])
+static size_t check_sample(const facet_bsdf *bsdf, const facet_material *m, facet_tier tier,
+                           const double wo[3], const double u[3], const quad exact[3])
 {
     double wi[3], bound, turn = wo[2] < 0 ? -1 : 1;
     char name[64];
     facet_vec3_in o = {&wo[0], &wo[1], &wo[2]};
     facet_samples samples = {.wi = {&wi[0], &wi[1], &wi[2]}};
-    CHECK_INT(facet_bsdf_sample(bsdf, tier, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples), FACET_OK);
-    if (!facet_bsdf_sample_bound(bsdf, tier, FACET_SAMPLER_AUTO, (turn > 0) == (m->fresnel.eta[0] < 1), 0, &bound)) return 0;
+    CHECK_INT(
+        facet_bsdf_sample(bsdf, tier, FACET_SAMPLER_AUTO, o, &u[0], &u[1], &u[2], 1, &samples),
+        FACET_OK);
+    if (!facet_bsdf_sample_bound(bsdf, tier, FACET_SAMPLER_AUTO,
+                                 (turn > 0) == (m->fresnel.eta[0] < 1), 0, &bound))
+        return 0;
     for (int j = 0; j < 3; j++) {
         double error = fabs((double)(wi[j] - exact[j]));
         snprintf(name, sizeof name, "%s/wi", facet_tier_name(tier));
         check_note(name, error / bound);
         if (!(error <= bound))
-            check_fail(__FILE__, __LINE__, "%s: wi[%d] is off by %.3g, bound %.3g; eta %.17g wo %.17g %.17g %.17g u %g %g %g\n %s",
-                       facet_tier_name(tier), j, error, bound, m->fresnel.eta[0], wo[0], wo[1], wo[2], u[0], u[1], u[2], draw_text(m));
+            check_fail(
+                __FILE__, __LINE__,
+                "%s: wi[%d] is off by %.3g, bound %.3g; eta %.17g wo %.17g %.17g %.17g u %g %g %g\n %s",
+                facet_tier_name(tier), j, error, bound, m->fresnel.eta[0], wo[0], wo[1], wo[2],
+                u[0], u[1], u[2], draw_text(m));
     }
     return 3;
 }
@@ -193,18 +207,23 @@ TEST(tails_are_there)
     rng_seed(&rng, 21);
     for (size_t k = 0; k < n; k++) {
         double alpha = 0.03 + 0.2 * rng_uniform(&rng);
-        facet_material m = {.ndf = FACET_BECKMANN, .roughness = {.alpha_x = alpha, .alpha_y = alpha},
-                            .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1, .eta = {1.03 + 0.1 * rng_uniform(&rng)}}};
+        facet_material m = {.ndf = FACET_BECKMANN,
+                            .roughness = {.alpha_x = alpha, .alpha_y = alpha},
+                            .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC,
+                                        .channels = 1,
+                                        .eta = {1.03 + 0.1 * rng_uniform(&rng)}}};
         facet_bsdf *bsdf = NULL;
         CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_OK);
         for (size_t i = 0; i < PAIRS; i++) {
-            double r = alpha * sqrt(60 + 30 * rng_uniform(&rng)), size = sqrt(1 + r * r), h[3] = {r / size, 0, 1 / size}, wo[3], wi[3];
+            double r = alpha * sqrt(60 + 30 * rng_uniform(&rng)), size = sqrt(1 + r * r),
+                   h[3] = {r / size, 0, 1 / size}, wo[3], wi[3];
             do draw_direction(&rng, 0.3, wo);
             while (!refract(h, wo, m.fresnel.eta[0], wi));
             for (int j = 0; j < 3; j++) pairs.i[j][i] = wi[j], pairs.o[j][i] = wo[j];
             reference_bsdf(&m, FACET_IMPORTANCE, wi, wo, &pairs.x[i]);
         }
-        for (int t = 0; t < FACET_TIER_COUNT && bsdf; t++) checked += check_pairs(bsdf, &m, (facet_tier)t, &pairs);
+        for (int t = 0; t < FACET_TIER_COUNT && bsdf; t++)
+            checked += check_pairs(bsdf, &m, (facet_tier)t, &pairs);
         facet_bsdf_destroy(bsdf);
     }
     CHECK(checked >= 100 * n);
@@ -227,7 +246,8 @@ TEST(samples_where_they_belong)
         double turn = rng_uniform(&rng) < 0.5 ? -1 : 1;
         for (int j = 0; j < 3; j++) wo[j] *= turn;
         bool is_sure = reference_bsdf_sample(&m, wo, u, exact);
-        for (int t = 0; t < FACET_TIER_COUNT && is_sure; t++) checked[t] += check_sample(bsdf, &m, (facet_tier)t, wo, u, exact);
+        for (int t = 0; t < FACET_TIER_COUNT && is_sure; t++)
+            checked[t] += check_sample(bsdf, &m, (facet_tier)t, wo, u, exact);
         facet_bsdf_destroy(bsdf);
     }
     for (int t = 0; t < FACET_TIER_COUNT; t++) {

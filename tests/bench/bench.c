@@ -40,8 +40,10 @@ static const struct variant variants[] = {
 };
 enum { VARIANTS = sizeof variants / sizeof *variants };
 
-static const struct draw_domain iso_domain = {.alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0, .slope_max = 0, .cosine_min = 1e-6};
-static const struct draw_domain full_domain = {.alpha_min = 0.05, .alpha_max = 2, .rho_max = 0.7, .slope_max = 0.3, .cosine_min = 1e-3};
+static const struct draw_domain iso_domain = {
+    .alpha_min = 1e-4, .alpha_max = 10, .rho_max = 0, .slope_max = 0, .cosine_min = 1e-6};
+static const struct draw_domain full_domain = {
+    .alpha_min = 0.05, .alpha_max = 2, .rho_max = 0.7, .slope_max = 0.3, .cosine_min = 1e-3};
 
 /* Pairs in both types: the doubles hold what the floats hold.  On cache lines, as large batches are. */
 struct pairs {
@@ -59,15 +61,19 @@ static double now_ns(void)
 
 static facet_material material_of(facet_ndf ndf, const struct variant *v)
 {
-    facet_material m = {.ndf = ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}, .fresnel = {.kind = v->fresnel, .channels = 1}};
-    if (v->full) m.roughness = (facet_roughness){.alpha_x = 0.3, .alpha_y = 0.4, .rho = 0.3, .slope_x = 0.1, .slope_y = -0.2};
+    facet_material m = {.ndf = ndf,
+                        .roughness = {.alpha_x = 0.3, .alpha_y = 0.3},
+                        .fresnel = {.kind = v->fresnel, .channels = 1}};
+    if (v->full)
+        m.roughness = (facet_roughness){
+            .alpha_x = 0.3, .alpha_y = 0.4, .rho = 0.3, .slope_x = 0.1, .slope_y = -0.2};
     m.fresnel.f0[0] = 0.04;
     m.fresnel.eta[0] = 1.5;
     return m;
 }
 
-static void fill_pairs(struct pairs *p, struct rng *rng, const struct draw_domain *domain, const facet_material *m,
-                       size_t n, bool hard)
+static void fill_pairs(struct pairs *p, struct rng *rng, const struct draw_domain *domain,
+                       const facet_material *m, size_t n, bool hard)
 {
     p->n = n;
     for (size_t k = 0; k < n; k++) {
@@ -85,12 +91,14 @@ static void fill_pairs(struct pairs *p, struct rng *rng, const struct draw_domai
     }
 }
 
-static void evaluate(const facet_brdf *brdf, facet_tier tier, const struct pairs *p, facet_quantity q, double *out)
+static void evaluate(const facet_brdf *brdf, facet_tier tier, const struct pairs *p,
+                     facet_quantity q, double *out)
 {
     if (tier == FACET_PRECISE) {
         facet_outputs o = {{{NULL}}};
         o.of[q][0] = out;
-        facet_eval(brdf, tier, (facet_vec3_in){p->d[0], p->d[1], p->d[2]}, (facet_vec3_in){p->d[3], p->d[4], p->d[5]}, p->n, &o);
+        facet_eval(brdf, tier, (facet_vec3_in){p->d[0], p->d[1], p->d[2]},
+                   (facet_vec3_in){p->d[3], p->d[4], p->d[5]}, p->n, &o);
         return;
     }
     facet_outputs_float o = {{{NULL}}};
@@ -109,7 +117,8 @@ struct timing {
     double ours, textbook;
 };
 
-static struct timing measure(const facet_material *m, facet_tier tier, facet_quantity q, const struct pairs *p)
+static struct timing measure(const facet_material *m, facet_tier tier, facet_quantity q,
+                             const struct pairs *p)
 {
     static double out[PAIRS];
     struct timing least = {INFINITY, INFINITY};
@@ -123,7 +132,8 @@ static struct timing measure(const facet_material *m, facet_tier tier, facet_qua
         least.ours = fmin(least.ours, (now_ns() - start) / REPEATS / (double)p->n);
         start = now_ns();
         for (size_t k = 0; k < p->n; k++) {
-            const double wi[3] = {p->d[0][k], p->d[1][k], p->d[2][k]}, wo[3] = {p->d[3][k], p->d[4][k], p->d[5][k]};
+            const double wi[3] = {p->d[0][k], p->d[1][k], p->d[2][k]},
+                         wo[3] = {p->d[3][k], p->d[4][k], p->d[5][k]};
             sink += yardstick_eval(&y, q, wi, wo);
         }
         least.textbook = fmin(least.textbook, (now_ns() - start) / (double)p->n);
@@ -156,14 +166,17 @@ static void compare(const facet_material *m, const facet_brdf *brdf, const struc
 {
     static double out[FACET_QUANTITY_COUNT][FACET_TIER_COUNT][PAIRS];
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-        for (int t = 0; t < FACET_TIER_COUNT; t++) evaluate(brdf, (facet_tier)t, p, (facet_quantity)q, out[q][t]);
+        for (int t = 0; t < FACET_TIER_COUNT; t++)
+            evaluate(brdf, (facet_tier)t, p, (facet_quantity)q, out[q][t]);
     for (size_t k = 0; k < p->n; k++) {
-        const double wi[3] = {p->d[0][k], p->d[1][k], p->d[2][k]}, wo[3] = {p->d[3][k], p->d[4][k], p->d[5][k]};
+        const double wi[3] = {p->d[0][k], p->d[1][k], p->d[2][k]},
+                     wo[3] = {p->d[3][k], p->d[4][k], p->d[5][k]};
         struct reference x;
         struct yardstick y = yardstick_of(m);
         reference_eval(m, wi, wo, &x);
         for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
-            add_error(&errors[q][TEXTBOOK], yardstick_eval(&y, (facet_quantity)q, wi, wo), x.of[q][0]);
+            add_error(&errors[q][TEXTBOOK], yardstick_eval(&y, (facet_quantity)q, wi, wo),
+                      x.of[q][0]);
         for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
             for (int t = 0; t < FACET_TIER_COUNT; t++) {
                 double bound;
@@ -187,7 +200,8 @@ static void find_errors(facet_ndf ndf, const struct variant *v)
         if (v->full)
             draw_roughness(&rng, domain, &m.roughness);
         else
-            m.roughness.alpha_x = m.roughness.alpha_y = rng_log(&rng, domain->alpha_min, domain->alpha_max);
+            m.roughness.alpha_x = m.roughness.alpha_y = rng_log(&rng, domain->alpha_min,
+                                                                domain->alpha_max);
         m.fresnel.f0[0] = 0.02 + 0.9 * rng_uniform(&rng);
         m.fresnel.eta[0] = 1.2 + rng_uniform(&rng);
         if (facet_brdf_create(&m, &brdf)) continue;
@@ -236,11 +250,12 @@ static void bench(facet_ndf ndf, const struct variant *v, const char *isa)
             const struct errors *e = &errors[q][t];
             if (!e->count || !wanted(getenv("BENCH_QUANTITY"), quantity_names[q])) continue;
             struct timing time = measure(&m, (facet_tier)t, (facet_quantity)q, &p);
-            printf("{\"quantity\":\"%s\",\"ndf\":\"%s\",\"variant\":\"%s\",\"tier\":\"%s\",\"isa\":\"%s\",\"ns\":%.3f,"
-                   "\"ratio\":%.1f,\"max_rel\":%.2g,\"rms_rel\":%.2g,\"textbook_max_rel\":%.2g,\"ghz\":%.2f}\n",
-                   q == FACET_FR ? "eval" : quantity_names[q], ndf == FACET_GGX ? "ggx" : "beckmann", v->name,
-                   facet_tier_name((facet_tier)t), isa, time.ours, time.textbook / time.ours, e->max,
-                   sqrt(e->square / (double)e->count), fmin(errors[q][TEXTBOOK].max, 1), ghz);
+            printf(
+                "{\"quantity\":\"%s\",\"ndf\":\"%s\",\"variant\":\"%s\",\"tier\":\"%s\",\"isa\":\"%s\",\"ns\":%.3f,"
+                "\"ratio\":%.1f,\"max_rel\":%.2g,\"rms_rel\":%.2g,\"textbook_max_rel\":%.2g,\"ghz\":%.2f}\n",
+                q == FACET_FR ? "eval" : quantity_names[q], ndf == FACET_GGX ? "ggx" : "beckmann",
+                v->name, facet_tier_name((facet_tier)t), isa, time.ours, time.textbook / time.ours,
+                e->max, sqrt(e->square / (double)e->count), fmin(errors[q][TEXTBOOK].max, 1), ghz);
             fflush(stdout);
         }
 }

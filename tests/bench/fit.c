@@ -20,8 +20,8 @@ static double ms(void)
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
-static facet_status evaluate(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n, double *const fr[3],
-                             bool *valid)
+static facet_status evaluate(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                             double *const fr[3], bool *valid)
 {
     facet_outputs outputs = {0};
     for (size_t c = 0; c < 3; c++) outputs.of[FACET_FR][c] = fr[c];
@@ -41,10 +41,13 @@ static facet_status extract(struct job *job)
     double median, *log_d = malloc((job->radii + 1) * sizeof *log_d);
     facet_status status = facet_fit_median_slope(&job->source, &median);
     if (!status)
-        status = facet_fit_density_create(&job->source, FACET_SMITH, FACET_FIT_CORRELATED, 1.5 * median, job->radii, &density);
+        status = facet_fit_density_create(&job->source, FACET_SMITH, FACET_FIT_CORRELATED,
+                                          1.5 * median, job->radii, &density);
     if (!status && log_d)
-        status = facet_fit_density_table(&job->source, FACET_SMITH, FACET_FIT_CORRELATED, &density, job->radii + 1, log_d);
-    if (!status && job->turns) status = facet_slope_table_create(1.5 * median, log_d, job->radii + 1, &job->table);
+        status = facet_fit_density_table(&job->source, FACET_SMITH, FACET_FIT_CORRELATED, &density,
+                                         job->radii + 1, log_d);
+    if (!status && job->turns)
+        status = facet_slope_table_create(1.5 * median, log_d, job->radii + 1, &job->table);
     facet_fit_density_clear(&density);
     free(log_d);
     return status;
@@ -56,8 +59,8 @@ static facet_status turn(struct job *job)
     double median;
     facet_status status = facet_fit_median_slope(&job->source, &median);
     if (!status)
-        status = facet_fit_turn_create(&job->source, FACET_SMITH, FACET_FIT_CORRELATED, 1.5 * median, job->radii,
-                                       job->turns, NULL, &found);
+        status = facet_fit_turn_create(&job->source, FACET_SMITH, FACET_FIT_CORRELATED,
+                                       1.5 * median, job->radii, job->turns, NULL, &found);
     if (!status) facet_fit_turn_clear(&found);
     return status;
 }
@@ -71,7 +74,8 @@ static facet_status whole(struct job *job)
     return status;
 }
 
-static void time_of(const char *name, facet_status (*run)(struct job *), struct job *job, double wanted)
+static void time_of(const char *name, facet_status (*run)(struct job *), struct job *job,
+                    double wanted)
 {
     enum { RUNS = 5 };
     double best = INFINITY;
@@ -83,14 +87,20 @@ static void time_of(const char *name, facet_status (*run)(struct job *), struct 
         facet_slope_table_destroy(job->table);
         job->table = NULL;
     }
-    if (status) printf("%-52s %s\n", name, facet_status_text(status));
-    else if (wanted > 0) printf("%-52s %8.2f ms, asked %g\n", name, best, wanted);
-    else printf("%-52s %8.2f ms\n", name, best);
+    if (status)
+        printf("%-52s %s\n", name, facet_status_text(status));
+    else if (wanted > 0)
+        printf("%-52s %8.2f ms, asked %g\n", name, best, wanted);
+    else
+        printf("%-52s %8.2f ms\n", name, best);
 }
 
 int main(void)
 {
-    facet_material m = {.ndf = FACET_GGX, .roughness = {.alpha_x = .2, .alpha_y = .2}, .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+    facet_material m = {
+        .ndf = FACET_GGX,
+        .roughness = {.alpha_x = .2, .alpha_y = .2},
+        .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
     facet_brdf *round = NULL, *flat = NULL;
     if (facet_brdf_create(&m, &round)) return 1;
     m.roughness = (facet_roughness){.alpha_x = .05, .alpha_y = .5, .rho = .3};

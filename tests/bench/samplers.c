@@ -43,10 +43,12 @@ static void draw(void)
     struct rng rng;
     rng_seed(&rng, 1);
     for (int k = 0; k < N; k++) {
-        double z = rng_uniform(&rng), phi = 6.283185307179586 * rng_uniform(&rng), s = sqrt((1 - z) * (1 + z));
+        double z = rng_uniform(&rng), phi = 6.283185307179586 * rng_uniform(&rng),
+               s = sqrt((1 - z) * (1 + z));
         wo[k][0] = s * cos(phi), wo[k][1] = s * sin(phi), wo[k][2] = z;
         for (int j = 0; j < 3; j++) wo_float[j][k] = (float)wo[k][j];
-        for (int j = 0; j < 2; j++) u_float[j][k] = fminf((float)(u[j][k] = rng_uniform(&rng)), 0x1.fffffep-1f);
+        for (int j = 0; j < 2; j++)
+            u_float[j][k] = fminf((float)(u[j][k] = rng_uniform(&rng)), 0x1.fffffep-1f);
     }
 }
 
@@ -71,11 +73,13 @@ static double time_scalar(const struct row *row, const struct surface *s)
 
 static double time_lib(const struct row *row, const facet_brdf *brdf, bool with_pdf)
 {
-    facet_samples_float out = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight, NULL, NULL}, .pdf = with_pdf ? pdf : NULL};
+    facet_samples_float out = {
+        .wi = {wi[0], wi[1], wi[2]}, .weight = {weight, NULL, NULL}, .pdf = with_pdf ? pdf : NULL};
     double start = now_ns();
-    facet_status status = facet_sample_float(brdf, FACET_FAST, row->sampler,
-                                             (facet_vec3_in_float){wo_float[0], wo_float[1], wo_float[2]}, u_float[0],
-                                             u_float[1], N, &out);
+    facet_status status = facet_sample_float(
+        brdf, FACET_FAST, row->sampler,
+        (facet_vec3_in_float){wo_float[0], wo_float[1], wo_float[2]}, u_float[0], u_float[1], N,
+        &out);
     double took = (now_ns() - start) / N;
     sink += weight[0];
     return status == FACET_OK ? took : NAN;
@@ -85,7 +89,8 @@ static double time_lib(const struct row *row, const facet_brdf *brdf, bool with_
 static bool measure(const struct row *row)
 {
     bool vcavity = row->sampler == FACET_SAMPLER_VCAVITY;
-    facet_material m = {.ndf = row->ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.5}, .fresnel = {.channels = 1}};
+    facet_material m = {
+        .ndf = row->ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.5}, .fresnel = {.channels = 1}};
     struct surface s = {.alpha_x = 0.3, .alpha_y = 0.5};
     m.masking = vcavity ? FACET_VGROOVE : FACET_SMITH;
     s.ndf = row->ndf == FACET_GGX ? GGX : BECKMANN;
@@ -103,8 +108,9 @@ static bool measure(const struct row *row)
     facet_brdf_destroy(brdf);
     char asked[16] = "";
     if (row->asked > 0) snprintf(asked, sizeof asked, ">= %g", row->asked);
-    printf("%-8s %-9s %12.1f %12.2f %8.1f  %-6s %12.2f %8.2f  <= %g\n", facet_sampler_name(row->sampler),
-           row->ndf == FACET_GGX ? "ggx" : "beckmann", scalar, plain, scalar / plain, asked, full, full / plain, asked_pdf);
+    printf("%-8s %-9s %12.1f %12.2f %8.1f  %-6s %12.2f %8.2f  <= %g\n",
+           facet_sampler_name(row->sampler), row->ndf == FACET_GGX ? "ggx" : "beckmann", scalar,
+           plain, scalar / plain, asked, full, full / plain, asked_pdf);
     return scalar / plain >= row->asked && full / plain <= asked_pdf;
 }
 
@@ -112,9 +118,11 @@ int main(void)
 {
     bool all = true;
     draw();
-    printf("%s, float, %d samples a call; alpha 0.3 x 0.5, all directions; vcavity with vgroove masking\n", facet_isa(), N);
-    printf("%-8s %-9s %12s %12s %8s  %-6s %12s %8s  asked\n", "sampler", "ndf", "scalar ns", "ns", "ratio", "asked",
-           "with pdf", "/ ns");
+    printf(
+        "%s, float, %d samples a call; alpha 0.3 x 0.5, all directions; vcavity with vgroove masking\n",
+        facet_isa(), N);
+    printf("%-8s %-9s %12s %12s %8s  %-6s %12s %8s  asked\n", "sampler", "ndf", "scalar ns", "ns",
+           "ratio", "asked", "with pdf", "/ ns");
     for (int k = 0; k < ROWS; k++) all &= measure(&rows[k]);
     puts(all ? "all that was asked is there" : "NOT all that was asked is there");
     return 0;

@@ -26,9 +26,11 @@ static const char *const quantity_names[] = {
 #undef QUANTITY
 };
 static const char *const ndf_names[] = {[FACET_GGX] = "ggx", [FACET_BECKMANN] = "beckmann"};
-static const char *const shape_names[] = {[KERNEL_ISO] = "isotropic", [KERNEL_CENTRAL] = "central", [KERNEL_SHEARED] = "sheared"};
-static const char *const kind_names[] = {
-    [FACET_FRESNEL_IDEAL] = "ideal", [FACET_FRESNEL_SCHLICK] = "schlick", [FACET_FRESNEL_DIELECTRIC] = "dielectric"};
+static const char *const shape_names[] = {
+    [KERNEL_ISO] = "isotropic", [KERNEL_CENTRAL] = "central", [KERNEL_SHEARED] = "sheared"};
+static const char *const kind_names[] = {[FACET_FRESNEL_IDEAL] = "ideal",
+                                         [FACET_FRESNEL_SCHLICK] = "schlick",
+                                         [FACET_FRESNEL_DIELECTRIC] = "dielectric"};
 enum { KINDS = sizeof kind_names / sizeof *kind_names };
 
 /* What is compared: one pass each over the same batch. */
@@ -59,7 +61,9 @@ static double now_ns(void)
 
 static facet_brdf *brdf_of(facet_ndf ndf, enum kernel_shape shape, facet_fresnel_kind kind)
 {
-    facet_material m = {.ndf = ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}, .fresnel = {.kind = kind, .channels = 1}};
+    facet_material m = {.ndf = ndf,
+                        .roughness = {.alpha_x = 0.3, .alpha_y = 0.3},
+                        .fresnel = {.kind = kind, .channels = 1}};
     if (shape != KERNEL_ISO) m.roughness.alpha_y = 0.4, m.roughness.rho = 0.3;
     if (shape == KERNEL_SHEARED) m.roughness.slope_x = 0.1, m.roughness.slope_y = -0.2;
     m.fresnel.f0[0] = 0.04;
@@ -106,19 +110,21 @@ static double time_of(const struct scene *s, const struct loops *loops)
     return (now_ns() - start) / REPEATS / PAIRS;
 }
 
-static void compare(const struct scene *s, const char *by, const char *what, const struct loops *special,
-                    const struct loops *general)
+static void compare(const struct scene *s, const char *by, const char *what,
+                    const struct loops *special, const struct loops *general)
 {
     double ours = INFINITY, theirs = INFINITY;
     for (size_t i = 0; i < LOOPS_MAX; i++)
-        if ((i < special->count && !special->of[i]) || (i < general->count && !general->of[i])) return;
+        if ((i < special->count && !special->of[i]) || (i < general->count && !general->of[i]))
+            return;
     for (int round = 0; round < ROUNDS; round++) {
         ours = fmin(ours, time_of(s, special));
         theirs = fmin(theirs, time_of(s, general));
     }
-    printf("{\"by\":\"%s\",\"loop\":\"%s %s\",\"ndf\":\"%s\",\"tier\":\"%s\",\"isa\":\"%s\",\"ns\":%.3f,\"general_ns\":%.3f,\"gain\":%.3f}\n",
-           by, shape_names[s->shape], what, ndf_names[s->ndf], facet_tier_name(s->tier), s->isa, ours, theirs,
-           theirs / ours - 1);
+    printf(
+        "{\"by\":\"%s\",\"loop\":\"%s %s\",\"ndf\":\"%s\",\"tier\":\"%s\",\"isa\":\"%s\",\"ns\":%.3f,\"general_ns\":%.3f,\"gain\":%.3f}\n",
+        by, shape_names[s->shape], what, ndf_names[s->ndf], facet_tier_name(s->tier), s->isa, ours,
+        theirs, theirs / ours - 1);
     fflush(stdout);
 }
 
@@ -128,7 +134,8 @@ static void compare_shapes(const struct scene *s)
     if (s->shape == KERNEL_SHEARED) return;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
         kernel_eval_fn *const(*of)[KERNEL_MASKING_COUNT] = s->kernels->eval[q][s->ndf];
-        struct loops special = {1, {of[s->shape][KERNEL_SMITH]}}, general = {1, {of[KERNEL_SHEARED][KERNEL_SMITH]}};
+        struct loops special = {1, {of[s->shape][KERNEL_SMITH]}},
+                     general = {1, {of[KERNEL_SHEARED][KERNEL_SMITH]}};
         compare(s, "shape", quantity_names[q], &special, &general);
     }
 }
@@ -136,9 +143,11 @@ static void compare_shapes(const struct scene *s)
 /* The loop that serves a quantity where no Fresnel kind is known. */
 static kernel_eval_fn *serving(const struct scene *s, int q)
 {
-    kernel_eval_fn *const(*of)[KERNEL_MASKING_COUNT] = s->kernels->eval[q][q == FACET_F ? FACET_GGX : s->ndf];
+    kernel_eval_fn *const(
+        *of)[KERNEL_MASKING_COUNT] = s->kernels->eval[q][q == FACET_F ? FACET_GGX : s->ndf];
     if (q == FACET_F) return of[KERNEL_ISO][KERNEL_SMITH];
-    return of[s->shape][KERNEL_SMITH] ? of[s->shape][KERNEL_SMITH] : of[KERNEL_SHEARED][KERNEL_SMITH];
+    return of[s->shape][KERNEL_SMITH] ? of[s->shape][KERNEL_SMITH]
+                                      : of[KERNEL_SHEARED][KERNEL_SMITH];
 }
 
 static void compare_outputs(const struct scene *s)
@@ -146,7 +155,8 @@ static void compare_outputs(const struct scene *s)
     struct loops fr = {1, {serving(s, FACET_FR)}}, all = {0, {NULL}};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++) all.of[all.count++] = serving(s, q);
     compare(s, "outputs", "fr alone, not all ten", &fr, &all);
-    struct loops joint = {1, {s->kernels->fr_pdf[s->ndf][s->shape]}}, two = {2, {serving(s, FACET_FR), serving(s, FACET_PDF)}};
+    struct loops joint = {1, {s->kernels->fr_pdf[s->ndf][s->shape]}},
+                 two = {2, {serving(s, FACET_FR), serving(s, FACET_PDF)}};
     compare(s, "outputs", "fr and pdf at once", &joint, &two);
 }
 
@@ -155,7 +165,8 @@ static void compare_all(struct scene s)
     for (int kind = 0; kind < KINDS; kind++) {
         if (!open_scene(&s, (facet_fresnel_kind)kind)) continue;
         if (kind == FACET_FRESNEL_SCHLICK) compare_shapes(&s), compare_outputs(&s);
-        struct loops special = {1, {s.kernels->fr_achromatic[s.ndf][s.shape][kind]}}, general = {1, {serving(&s, FACET_FR)}};
+        struct loops special = {1, {s.kernels->fr_achromatic[s.ndf][s.shape][kind]}},
+                     general = {1, {serving(&s, FACET_FR)}};
         char name[48];
         snprintf(name, sizeof name, "fr, %s", kind_names[kind]);
         compare(&s, "fresnel", name, &special, &general);
@@ -171,7 +182,10 @@ int main(void)
         for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
             for (int shape = 0; shape < KERNEL_SHAPE_COUNT; shape++)
                 for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
-                    compare_all((struct scene){.isa = isa, .ndf = (facet_ndf)ndf, .shape = (enum kernel_shape)shape, .tier = (facet_tier)tier});
+                    compare_all((struct scene){.isa = isa,
+                                               .ndf = (facet_ndf)ndf,
+                                               .shape = (enum kernel_shape)shape,
+                                               .tier = (facet_tier)tier});
     }
     return 0;
 }

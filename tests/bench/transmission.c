@@ -25,9 +25,11 @@ static void draw(void)
     rng_seed(&rng, 1);
     for (int k = 0; k < N; k++) {
         for (int d = 0; d < 6; d += 3) {
-            double z = 2 * rng_uniform(&rng) - 1, phi = 2 * pi * rng_uniform(&rng), s = sqrt((1 - z) * (1 + z));
+            double z = 2 * rng_uniform(&rng) - 1, phi = 2 * pi * rng_uniform(&rng),
+                   s = sqrt((1 - z) * (1 + z));
             const double v[3] = {s * cos(phi), s * sin(phi), z};
-            for (int j = 0; j < 3; j++) glass[d + j][k] = v[j], upper[d + j][k] = j == 2 ? fabs(z) : v[j];
+            for (int j = 0; j < 3; j++)
+                glass[d + j][k] = v[j], upper[d + j][k] = j == 2 ? fabs(z) : v[j];
         }
         for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng);
     }
@@ -56,19 +58,27 @@ static double fresnel(double c, double eta)
 }
 
 /* fr and pdf (Walter 2007, eqs. 20, 21, 38, 41; masking height-correlated, Heitz et al. 2016). */
-static double scalar_pair(const facet_material *m, const double wi_[3], const double wo_[3], double *pdf)
+static double scalar_pair(const facet_material *m, const double wi_[3], const double wo_[3],
+                          double *pdf)
 {
-    double turn = wo_[2] < 0 ? -1 : 1, n = turn < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0], wi[3], wo[3], up[3], h[3], t[3];
+    double turn = wo_[2] < 0 ? -1 : 1, n = turn < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0],
+           wi[3], wo[3], up[3], h[3], t[3];
     for (int j = 0; j < 3; j++) wi[j] = turn * wi_[j], wo[j] = turn * wo_[j];
-    for (int j = 0; j < 3; j++) up[j] = turn * wi_[2] < 0 ? -wi[j] : wi[j], h[j] = wi[j] + wo[j], t[j] = -(wo[j] + n * wi[j]);
-    double so = textbook_area(m->ndf, textbook_stretch(&m->roughness, wo)), si = textbook_area(m->ndf, textbook_stretch(&m->roughness, up));
-    double c = sqrt(dot(h, h)) / 2, F = fresnel(c, n), D = h[2] > 0 ? textbook_density(m->ndf, &m->roughness, h) : 0, fr = 0;
+    for (int j = 0; j < 3; j++)
+        up[j] = turn * wi_[2] < 0 ? -wi[j] : wi[j], h[j] = wi[j] + wo[j],
+        t[j] = -(wo[j] + n * wi[j]);
+    double so = textbook_area(m->ndf, textbook_stretch(&m->roughness, wo)),
+           si = textbook_area(m->ndf, textbook_stretch(&m->roughness, up));
+    double c = sqrt(dot(h, h)) / 2, F = fresnel(c, n),
+           D = h[2] > 0 ? textbook_density(m->ndf, &m->roughness, h) : 0, fr = 0;
     *pdf = F * D / (4 * so);
     if (wi[2] > 0) fr = F * D / (4 * (so * wi[2] + wo[2] * (si - wi[2])));
-    double size = sqrt(dot(t, t)) * (t[2] < 0 ? -1 : 1), co = dot(wo, t) / size, ci = dot(wi, t) / size;
+    double size = sqrt(dot(t, t)) * (t[2] < 0 ? -1 : 1), co = dot(wo, t) / size,
+           ci = dot(wi, t) / size;
     if (!(co > 0 && ci < 0)) return fr;
     double jacobian = n * n * -ci / ((co + n * ci) * (co + n * ci));
-    double through = (1 - fresnel(co, n)) * co * textbook_density(m->ndf, &m->roughness, t) / so * jacobian;
+    double through = (1 - fresnel(co, n)) * co * textbook_density(m->ndf, &m->roughness, t) / so *
+                     jacobian;
     *pdf += through;
     if (wi[2] >= 0) return fr;
     double a = so / wo[2], b = si / -wi[2] - 1;
@@ -79,7 +89,8 @@ static double time_scalar(const facet_material *m)
 {
     double start = now_ns(), sum = 0;
     for (int k = 0; k < N; k++) {
-        const double wi[3] = {glass[0][k], glass[1][k], glass[2][k]}, wo[3] = {glass[3][k], glass[4][k], glass[5][k]};
+        const double wi[3] = {glass[0][k], glass[1][k], glass[2][k]},
+                     wo[3] = {glass[3][k], glass[4][k], glass[5][k]};
         double pdf, fr = scalar_pair(m, wi, wo, &pdf);
         sum += fr + pdf;
     }
@@ -98,7 +109,8 @@ static double time_lib(const facet_bsdf *bsdf, const facet_brdf *brdf, facet_tie
     double(*v)[N] = bsdf ? glass : upper;
     const facet_vec3_in wi = {v[0], v[1], v[2]}, wo = {v[3], v[4], v[5]};
     facet_outputs outputs = {0};
-    const facet_samples samples = {.wi = {sampled[0], sampled[1], sampled[2]}, .weight = {sampled[3]}, .pdf = sampled[4]};
+    const facet_samples samples = {
+        .wi = {sampled[0], sampled[1], sampled[2]}, .weight = {sampled[3]}, .pdf = sampled[4]};
     if (kind != PDF) outputs.of[FACET_FR][0] = out[0];
     if (kind != FR) outputs.of[FACET_PDF][0] = out[1];
     double start = now_ns();
@@ -121,21 +133,26 @@ static double deviation(const facet_material *m, const facet_bsdf *bsdf)
     double worst = 0;
     time_lib(bsdf, NULL, FACET_PRECISE, BOTH);
     for (int k = 0; k < N; k++) {
-        const double wi[3] = {glass[0][k], glass[1][k], glass[2][k]}, wo[3] = {glass[3][k], glass[4][k], glass[5][k]};
+        const double wi[3] = {glass[0][k], glass[1][k], glass[2][k]},
+                     wo[3] = {glass[3][k], glass[4][k], glass[5][k]};
         double pdf, fr = scalar_pair(m, wi, wo, &pdf);
-        worst = fmax(worst, fmax(fabs(fr - out[0][k]) / fmax(out[0][k], 1e-30), fabs(pdf - out[1][k]) / fmax(out[1][k], 1e-30)));
+        worst = fmax(worst, fmax(fabs(fr - out[0][k]) / fmax(out[0][k], 1e-30),
+                                 fabs(pdf - out[1][k]) / fmax(out[1][k], 1e-30)));
     }
     return worst;
 }
 
 static void measure(facet_ndf ndf)
 {
-    facet_material m = {.ndf = ndf, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}, .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1}};
+    facet_material m = {.ndf = ndf,
+                        .roughness = {.alpha_x = 0.3, .alpha_y = 0.3},
+                        .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1}};
     double best[2][FACET_TIER_COUNT][KINDS], scalar = INFINITY, bound;
     facet_bsdf *bsdf = NULL;
     facet_brdf *brdf = NULL;
     m.fresnel.eta[0] = 1.5;
-    if (facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf) == FACET_OK && facet_brdf_create(&m, &brdf) == FACET_OK) {
+    if (facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf) == FACET_OK &&
+        facet_brdf_create(&m, &brdf) == FACET_OK) {
         for (int round = 0; round < ROUNDS; round++) {
             scalar = fmin(scalar, time_scalar(&m));
             for (int t = 0; t < FACET_TIER_COUNT; t++)
@@ -145,14 +162,16 @@ static void measure(facet_ndf ndf)
                         best[g][t][kind] = round ? fmin(best[g][t][kind], took) : took;
                     }
         }
-        printf("\n%s: scalar double, fr and pdf: %.0f ns, within %.1e\n", ndf == FACET_GGX ? "ggx" : "beckmann", scalar, deviation(&m, bsdf));
+        printf("\n%s: scalar double, fr and pdf: %.0f ns, within %.1e\n",
+               ndf == FACET_GGX ? "ggx" : "beckmann", scalar, deviation(&m, bsdf));
         printf("%-8s %9s", "tier", "bound");
         for (int kind = 0; kind < KINDS; kind++) printf(" %20s", kinds[kind]);
         puts("   ratio to scalar");
         for (int t = 0; t < FACET_TIER_COUNT; t++) {
             facet_bsdf_bound(bsdf, (facet_tier)t, FACET_FR, 0, &bound);
             printf("%-8s %9.1e", facet_tier_name((facet_tier)t), bound);
-            for (int kind = 0; kind < KINDS; kind++) printf(" %11.1f (%6.1f)", best[1][t][kind], best[0][t][kind]);
+            for (int kind = 0; kind < KINDS; kind++)
+                printf(" %11.1f (%6.1f)", best[1][t][kind], best[0][t][kind]);
             printf(" %8.0f\n", scalar / best[1][t][BOTH]);
         }
     }
@@ -163,7 +182,9 @@ static void measure(facet_ndf ndf)
 int main(void)
 {
     draw();
-    printf("%s, %d pairs a call in doubles; alpha 0.3, eta 1.5, smith; ns a direction (of reflection alone)\n", facet_isa(), N);
+    printf(
+        "%s, %d pairs a call in doubles; alpha 0.3, eta 1.5, smith; ns a direction (of reflection alone)\n",
+        facet_isa(), N);
     measure(FACET_GGX);
     measure(FACET_BECKMANN);
     return 0;

@@ -23,8 +23,8 @@ struct yardstick yardstick_of(const facet_material *m)
 {
     const facet_roughness *r = &m->roughness;
     return (struct yardstick){
-        m->ndf, r->alpha_x, r->alpha_y, r->rho, sqrt(1 - r->rho * r->rho), r->slope_x, r->slope_y,
-        m->fresnel.kind, m->fresnel.f0[0], m->fresnel.eta[0]};
+        m->ndf,     r->alpha_x, r->alpha_y,      r->rho,           sqrt(1 - r->rho * r->rho),
+        r->slope_x, r->slope_y, m->fresnel.kind, m->fresnel.f0[0], m->fresnel.eta[0]};
 }
 
 /* Table 2.II. */

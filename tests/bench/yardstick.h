@@ -12,7 +12,7 @@
 struct yardstick {
     facet_ndf ndf; /* GGX or BECKMANN */
     double ax, ay, rho, sqrt_one_minus_rho_sqr;
-    double tx_n, ty_n; /* mean slope */
+    double tx_n, ty_n;          /* mean slope */
     facet_fresnel_kind fresnel; /* IDEAL, SCHLICK or DIELECTRIC */
     double f0, eta;
 };

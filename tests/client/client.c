@@ -51,8 +51,8 @@ static void print_result(struct run *run, const struct test_case *c, const char 
 }
 
 /* One request and its answer; false: there is nothing to send, body->why. */
-static bool exchange(struct run *run, const json_t *step, CURL *curl, struct body *body, struct http_answer *answer,
-                     struct findings *findings)
+static bool exchange(struct run *run, const json_t *step, CURL *curl, struct body *body,
+                     struct http_answer *answer, struct findings *findings)
 {
     const json_t *request = json_object_get(step, "request");
     enum body_result made = body_make(request, body);
@@ -67,19 +67,22 @@ static bool exchange(struct run *run, const json_t *step, CURL *curl, struct bod
 }
 
 /* A step with each {"answer":pointer} of its json replaced by what stands there. */
-static json_t *filled_step(const json_t *step, const struct http_answer *answer, struct findings *findings)
+static json_t *filled_step(const json_t *step, const struct http_answer *answer,
+                           struct findings *findings)
 {
     json_t *filled = json_deep_copy(step), *member;
     json_t *root = json_loadb(answer->body, answer->body_size, 0, NULL);
     const char *key;
     void *rest;
-    json_object_foreach_safe(json_object_get(json_object_get(filled, "request"), "json"), rest, key, member)
+    json_object_foreach_safe(json_object_get(json_object_get(filled, "request"), "json"), rest, key,
+                             member)
     {
         const char *pointer = json_string_value(json_object_get(member, "answer"));
         if (!pointer) continue;
         const json_t *part = expect_at(root, pointer);
         if (!part) finding(findings, "%s is not in the answer", pointer);
-        json_object_set_new(json_object_get(json_object_get(filled, "request"), "json"), key, json_deep_copy(part));
+        json_object_set_new(json_object_get(json_object_get(filled, "request"), "json"), key,
+                            json_deep_copy(part));
     }
     json_decref(root);
     return filled;
@@ -101,7 +104,8 @@ static void run_case(struct run *run, const struct test_case *c, CURL *curl)
         struct http_answer next = {0};
         struct body sent = {0};
         json_t *filled = findings.length ? NULL : filled_step(step, &answer, &findings);
-        if (!findings.length && !exchange(run, filled, curl, &sent, &next, &findings)) finding(&findings, "%s", sent.why);
+        if (!findings.length && !exchange(run, filled, curl, &sent, &next, &findings))
+            finding(&findings, "%s", sent.why);
         json_decref(filled);
         http_clear(&next);
         body_clear(&sent);

@@ -29,7 +29,8 @@ static bool find_url(const char *path, const char *what, char *url, size_t size)
     FILE *f = fopen(path, "r");
     while (f && !found && fgets(line, sizeof line, f)) {
         const char *at = line + length;
-        if (strncmp(line, what, length) || strncmp(at, "http://", 7) || !strchr(line, '\n')) continue;
+        if (strncmp(line, what, length) || strncmp(at, "http://", 7) || !strchr(line, '\n'))
+            continue;
         size_t n = strlen("http://") + strcspn(at + strlen("http://"), " \r\n/");
         if (n >= size) n = size - 1;
         memcpy(url, at, n);
@@ -51,8 +52,8 @@ bool daemon_start(const char *program, struct daemon *daemon)
         prctl(PR_SET_PDEATHSIG, SIGTERM); /* no daemon outlives a harness that was killed */
         dup2(out, 1);
         dup2(open("/dev/null", O_RDONLY), 0);
-        const char *log =
-            getenv("FACET_DAEMON_LOG"); /* its stderr: sanitizer reports, request log */
+        const char *log = getenv(
+            "FACET_DAEMON_LOG"); /* its stderr: sanitizer reports, request log */
         int err = log ? open(log, O_WRONLY | O_CREAT | O_APPEND, 0644) : -1;
         dup2(err >= 0 ? err : open("/dev/null", O_WRONLY), 2);
         execl(program, program, "--port", "0", (char *)NULL);

@@ -41,20 +41,14 @@ const json_t *expect_at(const json_t *root, const char *pointer)
 static const char *type_name(const json_t *value)
 {
     switch (json_typeof(value)) {
-    case JSON_OBJECT:
-        return "object";
-    case JSON_ARRAY:
-        return "array";
-    case JSON_STRING:
-        return "string";
+    case JSON_OBJECT: return "object";
+    case JSON_ARRAY: return "array";
+    case JSON_STRING: return "string";
     case JSON_INTEGER:
-    case JSON_REAL:
-        return "number";
+    case JSON_REAL: return "number";
     case JSON_TRUE:
-    case JSON_FALSE:
-        return "boolean";
-    default:
-        return "null";
+    case JSON_FALSE: return "boolean";
+    default: return "null";
     }
 }
 

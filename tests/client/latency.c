@@ -39,7 +39,8 @@ static double now_ms(void)
 
 static void serve_bare(int listener)
 {
-    static const char answer[] = "HTTP/1.1 200 OK\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
+    static const char answer[] =
+        "HTTP/1.1 200 OK\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
     char question[1024];
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     for (;;) {
@@ -75,9 +76,10 @@ static void *keep_busy(void *user)
                                "{\"schlick\":{\"f0\":[0.95,0.64,0.54]}}}}";
     struct busy *busy = user;
     char request[512], answer[65536];
-    snprintf(request, sizeof request,
-             "POST /v1/fit HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: %zu\r\n\r\n%s",
-             sizeof body - 1, body);
+    snprintf(
+        request, sizeof request,
+        "POST /v1/fit HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: %zu\r\n\r\n%s",
+        sizeof body - 1, body);
     while (!atomic_load(&busy->stop)) {
         int fd = shot_connect(busy->port);
         if (fd < 0) break;
@@ -122,9 +124,10 @@ static bool measure(const char *name, int port, int bare, const int *tricklers, 
     for (int i = 0; i < asked; i++) well = well && ms[0][i] >= 0 && ms[1][i] >= 0;
     for (int s = 0; s < 2; s++) qsort(ms[s], (size_t)asked, sizeof ms[s][0], by_size);
     const int middle = asked / 2, late = asked * 99 / 100;
-    printf("%s latency/%s: %d tricklers, median %.2f ms, p99 %.2f ms; a bare server %.2f ms, %.2f ms\n",
-           well ? "ok" : "FAIL", name, trickler_count, ms[0][middle], ms[0][late], ms[1][middle],
-           ms[1][late]);
+    printf(
+        "%s latency/%s: %d tricklers, median %.2f ms, p99 %.2f ms; a bare server %.2f ms, %.2f ms\n",
+        well ? "ok" : "FAIL", name, trickler_count, ms[0][middle], ms[0][late], ms[1][middle],
+        ms[1][late]);
     fflush(stdout);
     return well;
 }
@@ -168,11 +171,14 @@ int main(int argc, char **argv)
     for (int i = 0; i < BUSY; i++) pthread_create(&busy.threads[i], NULL, keep_busy, &busy);
     well = measure("health_while_all_workers_fit", busy.port, bare, NULL, 0, (int)asked) && well;
     const int count = open_tricklers(busy.port, (int)wanted, tricklers);
-    well = measure("admin_among_tricklers_while_all_workers_fit", daemon.admin_port, bare, tricklers,
-                   count, (int)asked) && well;
+    well = measure("admin_among_tricklers_while_all_workers_fit", daemon.admin_port, bare,
+                   tricklers, count, (int)asked) &&
+           well;
     atomic_store(&busy.stop, true);
     for (int i = 0; i < BUSY; i++) pthread_join(busy.threads[i], NULL);
-    well = measure("admin_among_tricklers", daemon.admin_port, bare, tricklers, count, (int)asked) && well;
+    well = measure("admin_among_tricklers", daemon.admin_port, bare, tricklers, count,
+                   (int)asked) &&
+           well;
     if (bare_pid > 0) kill(bare_pid, SIGKILL);
     for (int i = 0; i < count; i++) close(tricklers[i]);
     return !daemon_stop(&daemon) && well ? 0 : 1;

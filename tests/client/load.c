@@ -160,7 +160,8 @@ static bool ask(int port, const struct shot *shot, int *status, uint64_t *hash)
 static void add_aim(struct load *load, const struct test_case *c)
 {
     struct aim aim = {0}, again;
-    const char *method = json_string_value(json_object_get(json_object_get(c->root, "request"), "method"));
+    const char *method = json_string_value(
+        json_object_get(json_object_get(c->root, "request"), "method"));
     if ((method && !strcmp(method, "HEAD")) || load->aim_count == AIMS_MAX) return;
     if (!shot_make(c, "", BODY_LARGEST, &aim.shot)) return;
     double begin = now_s();
@@ -211,9 +212,9 @@ static void judge(struct load *load, struct seat *seat)
     int status = 0;
     sscanf(seat->answer, "HTTP/1.1 %d", &status);
     bool busy = status == 503; /* an honest no is not a wrong answer */
-    if (status != seat->aim->status ? !busy
-                                     : !seat->aim->volatile_ &&
-                                           hash_body(seat->answer, seat->got) != seat->aim->hash) {
+    if (status != seat->aim->status
+            ? !busy
+            : !seat->aim->volatile_ && hash_body(seat->answer, seat->got) != seat->aim->hash) {
         if (load->wrong++ < 5)
             printf("  status %d, not %d, for %.60s\n%.*s\n", status, seat->aim->status,
                    seat->aim->shot.bytes, (int)(seat->got < 500 ? seat->got : 500), seat->answer);
@@ -238,7 +239,8 @@ static void step(struct load *load, struct seat *seat, uint32_t events)
 {
     if (events & EPOLLOUT) {
         size_t upto = seat->leaves ? seat->aim->shot.size / 2 : seat->aim->shot.size;
-        ssize_t n = send(seat->fd, seat->aim->shot.bytes + seat->sent, upto - seat->sent, MSG_NOSIGNAL);
+        ssize_t n = send(seat->fd, seat->aim->shot.bytes + seat->sent, upto - seat->sent,
+                         MSG_NOSIGNAL);
         if (n > 0) seat->sent += (size_t)n;
         if (seat->sent == upto && seat->leaves) return sit_again(load, seat, &load->left);
         if (seat->sent == upto) watch(load, seat, false);
@@ -318,13 +320,14 @@ static bool load_and_soak(struct load *load, size_t connections, double seconds)
                  drift = 100 * (after - before) / before;
     const size_t requests = load->right + load->busy + load->wrong;
     bool bad = load->wrong || load->broken || !load->right || drifts(before, after, seconds);
-    printf("%s load: %zu connections, %.0f s, %zu requests of %zu kinds (%.0f a second), %zu wrong, "
-           "%zu busy, %zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %.0f kB, then %.0f kB "
-           "(%+.2f %%)\n",
-           bad ? "FAIL" : "ok", connections, seconds, requests, load->aim_count,
-           (double)requests / (now_s() - begun), load->wrong, load->busy, load->broken, load->left,
-           quantile(load->ms, load->ms_count, 0.5), quantile(load->ms, load->ms_count, 0.99), before,
-           after, drift);
+    printf(
+        "%s load: %zu connections, %.0f s, %zu requests of %zu kinds (%.0f a second), %zu wrong, "
+        "%zu busy, %zu broken, %zu given up, median %.2f ms, p99 %.2f ms; resident %.0f kB, then %.0f kB "
+        "(%+.2f %%)\n",
+        bad ? "FAIL" : "ok", connections, seconds, requests, load->aim_count,
+        (double)requests / (now_s() - begun), load->wrong, load->busy, load->broken, load->left,
+        quantile(load->ms, load->ms_count, 0.5), quantile(load->ms, load->ms_count, 0.99), before,
+        after, drift);
     for (size_t i = 0; i < connections; i++) {
         if (seats[i].fd > 0) close(seats[i].fd);
         free(seats[i].answer);
@@ -383,7 +386,8 @@ int main(int argc, char **argv)
     }
     setenv("FACETD_MAX_CONNECTIONS", "20000", 1);
     setenv("FACETD_TIMEOUT", "3600", 1);
-    if (!program || !dir || !cases_load(dir, NULL, &cases) || !daemon_start(program, &load.daemon)) {
+    if (!program || !dir || !cases_load(dir, NULL, &cases) ||
+        !daemon_start(program, &load.daemon)) {
         fprintf(stderr, "usage: facet_load --daemon PROGRAM --cases DIR [--connections N,...] "
                         "[--seconds S] [--idle N]\n");
         return 2;

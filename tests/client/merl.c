@@ -21,8 +21,10 @@ static void fill(const json_t *from, double *cells)
     double alpha = json_number_value(json_object_get(from, "alpha"));
     for (int i = 0; i < CELLS; i++) {
         int h = i / (DIFFERENCES * TURNS), d = i / TURNS % DIFFERENCES, p = i % TURNS;
-        double th = pi / 2 * h * h / (HALVES * HALVES), td = pi / 2 * d / DIFFERENCES, pd = pi * p / TURNS;
-        double lean = sin(th) * sin(td) * cos(pd), zi = cos(th) * cos(td) - lean, zo = cos(th) * cos(td) + lean;
+        double th = pi / 2 * h * h / (HALVES * HALVES), td = pi / 2 * d / DIFFERENCES,
+               pd = pi * p / TURNS;
+        double lean = sin(th) * sin(td) * cos(pd), zi = cos(th) * cos(td) - lean,
+               zo = cos(th) * cos(td) + lean;
         for (int k = 0; k < 3; k++) {
             double f0 = json_number_value(json_array_get(json_object_get(from, "f0"), (size_t)k));
             double f = (f0 + (1 - f0) * pow(1 - cos(td), 5)) * ggx(alpha, th, zi, zo);

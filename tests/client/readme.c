@@ -31,12 +31,12 @@ static bool curl_line(const json_t *request, char *line, size_t size)
     enum body_result made = body_make(request, &body);
     if (made == BODY_ABSENT || made == BODY_BAD || json_object_get(request, "generate"))
         return false;
-    int n =
-        snprintf(line, size, query ? "curl -s 'localhost:8080%s?%s'" : "curl -s localhost:8080%s",
-                 path, query);
+    int n = snprintf(line, size,
+                     query ? "curl -s 'localhost:8080%s?%s'" : "curl -s localhost:8080%s", path,
+                     query);
     json_t *value;
-    json_object_foreach(json_object_get(request, "headers"), name, value) n +=
-        snprintf(line + n, size - (size_t)n, " -H '%s: %s'", name, json_string_value(value));
+    json_object_foreach(json_object_get(request, "headers"), name, value)
+        n += snprintf(line + n, size - (size_t)n, " -H '%s: %s'", name, json_string_value(value));
     if (made == BODY_OK) n += snprintf(line + n, size - (size_t)n, " -d '%s'", body.bytes);
     body_clear(&body);
     return (size_t)n < size;

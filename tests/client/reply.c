@@ -29,7 +29,8 @@ static bool unchunk(struct reply *reply)
 
 static void parse(struct reply *reply)
 {
-    char *head = reply->bytes, *body = reply->size ? memmem(head, reply->size, "\r\n\r\n", 4) : NULL;
+    char *head = reply->bytes,
+         *body = reply->size ? memmem(head, reply->size, "\r\n\r\n", 4) : NULL;
     if (!body || sscanf(head, "HTTP/1.1 %d", &reply->status) != 1) {
         reply->status = 0;
         return;

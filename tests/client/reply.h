@@ -10,7 +10,7 @@ enum { REPLY_WAIT_MS = 5000 };
 struct reply {
     char *bytes, *body;
     size_t size, body_size;
-    int status; /* 0: none, or not whole */
+    int status;         /* 0: none, or not whole */
     bool hung, is_head; /* is_head: of a HEAD, whose length announces a body that does not come */
 };
 

@@ -17,7 +17,10 @@ static bool write_head(const json_t *request, const char *headers, struct shot *
     bool has_type = false;
     FILE *f = open_memstream(&shot->bytes, &shot->head_size);
     if (!f) return false;
-    fprintf(f, "%s %s HTTP/1.1\r\nHost: x\r\n%s", method ? method : body->bytes ? "POST" : "GET",
+    fprintf(f, "%s %s HTTP/1.1\r\nHost: x\r\n%s",
+            method        ? method
+            : body->bytes ? "POST"
+                          : "GET",
             shot->path, headers);
     json_object_foreach(json_object_get(request, "headers"), key, value)
     {

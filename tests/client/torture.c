@@ -454,10 +454,11 @@ int main(int argc, char **argv)
     close_page(&t);
     run_jobs(&t, cases.list, count, jobs);
     tally.faults += !count;
-    printf("%s torture/all: %zu calls failed one by one: %zu right answers, %zu refusals, %zu ended "
-           "connections; %zu faults\n",
-           tally.faults ? "FAIL" : "ok", tally.sites, tally.right, tally.refused, tally.ended,
-           tally.faults);
+    printf(
+        "%s torture/all: %zu calls failed one by one: %zu right answers, %zu refusals, %zu ended "
+        "connections; %zu faults\n",
+        tally.faults ? "FAIL" : "ok", tally.sites, tally.right, tally.refused, tally.ended,
+        tally.faults);
     cases_clear(&cases);
     return tally.faults ? 1 : 0;
 }

@@ -71,7 +71,8 @@ static char *json_body(const char *rest, size_t n, size_t *size)
     for (size_t i = 0; i < n; i++) {
         float v[3];
         direction(v);
-        p += sprintf(p, "%s[%.9g,%.9g,%.9g]", i ? "," : "", (double)v[0], (double)v[1], (double)v[2]);
+        p += sprintf(p, "%s[%.9g,%.9g,%.9g]", i ? "," : "", (double)v[0], (double)v[1],
+                     (double)v[2]);
     }
     p += sprintf(p, "]}");
     *size = (size_t)(p - body);
@@ -104,10 +105,11 @@ static struct shot shot_of(const char *rest, size_t n, bool is_form, const char 
     struct shot shot = {malloc(size + 400), 0};
     if (!shot.bytes) exit(2);
     if (!n) size = (size_t)sprintf(body, "{%s}", rest);
-    shot.size = (size_t)sprintf(shot.bytes,
-                                "POST /v1/eval HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: %s\r\n"
-                                "Accept: %s\r\nContent-Length: %zu\r\n\r\n",
-                                n && is_form ? "multipart/form-data; boundary=b" : "application/json", accept, size);
+    shot.size = (size_t)sprintf(
+        shot.bytes,
+        "POST /v1/eval HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Type: %s\r\n"
+        "Accept: %s\r\nContent-Length: %zu\r\n\r\n",
+        n && is_form ? "multipart/form-data; boundary=b" : "application/json", accept, size);
     memcpy(shot.bytes + shot.size, body, size);
     shot.size += size;
     free(body);
@@ -137,11 +139,13 @@ static struct spent ask(const struct daemon *daemon, const struct shot *shot)
     int fd = connect_to(daemon);
     struct spent spent = {0, -clock_s(cpu), -clock_s(CLOCK_MONOTONIC)};
     ssize_t n;
-    while (sent < shot->size && (n = send(fd, shot->bytes + sent, shot->size - sent, MSG_NOSIGNAL)) > 0)
+    while (sent < shot->size &&
+           (n = send(fd, shot->bytes + sent, shot->size - sent, MSG_NOSIGNAL)) > 0)
         sent += (size_t)n;
     n = recv(fd, head, sizeof head - 1, 0);
     head[n > 0 ? n : 0] = 0;
-    for (; n > 0; n = recv(fd, NULL, 1 << 22, MSG_TRUNC)) spent.bytes += (size_t)n; /* TCP: thrown away */
+    for (; n > 0; n = recv(fd, NULL, 1 << 22, MSG_TRUNC))
+        spent.bytes += (size_t)n; /* TCP: thrown away */
     spent.wall_s += clock_s(CLOCK_MONOTONIC);
     close(fd);
     spent.cpu_s += clock_s(cpu);
@@ -181,11 +185,17 @@ static void cost(const char *program)
         const char *accept;
         const char *asked;
     } kinds[] = {
-        {"JSON", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]]", false, JSON, "90"},
-        {"float32, wo as a float", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]]", true, BYTES, "8"},
-        {"float32", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]]", true, BYTES, "8"},
-        {"float32, tolerance 1e-3", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"tolerance\":1e-3", true, BYTES, "8"},
-        {"float32 in, JSON out", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]]", true, JSON, "-"},
+        {"JSON", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]]", false, JSON,
+         "90"},
+        {"float32, wo as a float", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]]",
+         true, BYTES, "8"},
+        {"float32", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]]", true,
+         BYTES, "8"},
+        {"float32, tolerance 1e-3",
+         "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"tolerance\":1e-3", true,
+         BYTES, "8"},
+        {"float32 in, JSON out", "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]]",
+         true, JSON, "-"},
     };
     struct daemon daemon;
     start(program, "2", &daemon);
@@ -193,13 +203,15 @@ static void cost(const char *program)
     for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
         struct shot shot = shot_of(kinds[i].rest, MANY, kinds[i].is_form, kinds[i].accept);
         struct spent spent = best_of(&daemon, &shot, 3 * rounds);
-        printf("  %-26s %6.1f   asked <= %-3s  wall %.1f\n", kinds[i].name, 1e9 * spent.cpu_s / MANY, kinds[i].asked, 1e9 * spent.wall_s / MANY);
+        printf("  %-26s %6.1f   asked <= %-3s  wall %.1f\n", kinds[i].name,
+               1e9 * spent.cpu_s / MANY, kinds[i].asked, 1e9 * spent.wall_s / MANY);
         free(shot.bytes);
     }
     if (daemon_stop(&daemon)) failed = true;
 }
 
-#define BECKMANN "\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],\"wo\":[[-0.6,0,0.8]]"
+#define BECKMANN                                                                                   \
+    "\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],\"wo\":[[-0.6,0,0.8]]"
 #define GRID ",\"wi\":{\"grid\":{\"theta\":1000,\"phi\":1000}}"
 
 static void threads(const char *program)
@@ -220,13 +232,16 @@ static void threads(const char *program)
     struct daemon one, two;
     start(program, "1", &one);
     start(program, "2", &two);
-    printf("1e6 directions, Beckmann, fr and pdf: wall time with 1 and 2 workers (ms)   asked >= 1.8\n");
+    printf(
+        "1e6 directions, Beckmann, fr and pdf: wall time with 1 and 2 workers (ms)   asked >= 1.8\n");
     for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
         struct shot shot = shot_of(kinds[i].rest, kinds[i].n, kinds[i].is_form, kinds[i].accept);
         struct spent a = ask(&one, &shot), b = ask(&two, &shot);
-        for (int r = 1; r < rounds; r++) a = best(a, ask(&one, &shot)), b = best(b, ask(&two, &shot));
-        printf("  %-26s %7.1f %7.1f   ratio %.2f   processor %.1f %.1f, %zu bytes\n", kinds[i].name, 1e3 * a.wall_s, 1e3 * b.wall_s,
-               a.wall_s / b.wall_s, 1e3 * a.cpu_s, 1e3 * b.cpu_s, b.bytes);
+        for (int r = 1; r < rounds; r++)
+            a = best(a, ask(&one, &shot)), b = best(b, ask(&two, &shot));
+        printf("  %-26s %7.1f %7.1f   ratio %.2f   processor %.1f %.1f, %zu bytes\n", kinds[i].name,
+               1e3 * a.wall_s, 1e3 * b.wall_s, a.wall_s / b.wall_s, 1e3 * a.cpu_s, 1e3 * b.cpu_s,
+               b.bytes);
         free(shot.bytes);
     }
     if (daemon_stop(&one) || daemon_stop(&two)) failed = true;
@@ -251,7 +266,8 @@ static double best_start_ms(const char *log)
     FILE *f = fopen(log, "r");
     while (f && fgets(line, sizeof line, f)) {
         const char *at = strstr(line, " us_receive=");
-        if (at && sscanf(at, " us_receive=%lf us_queue=%lf", &receive, &queue) == 2) ms = fmin(ms, 1e-3 * (receive + queue));
+        if (at && sscanf(at, " us_receive=%lf us_queue=%lf", &receive, &queue) == 2)
+            ms = fmin(ms, 1e-3 * (receive + queue));
     }
     if (f) fclose(f);
     return ms;
@@ -265,13 +281,17 @@ static void upload(const char *program)
     if (fd < 0 || setenv("FACET_DAEMON_LOG", log, 1)) exit(2);
     close(fd);
     start(program, "2", &daemon);
-    struct shot shot = shot_of("\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]]", MILLION, false, JSON);
+    struct shot shot = shot_of("\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[-0.6,0,0.8]]",
+                               MILLION, false, JSON);
     struct spent spent = ask(&daemon, &shot);
     double most = megabytes_at_most(&daemon);
     spent = best(spent, best_of(&daemon, &shot, rounds));
-    printf("1e6 directions as JSON, %.1f MB: memory %.0f MB   asked <= 300\n", 1e-6 * (double)shot.size, most);
+    printf("1e6 directions as JSON, %.1f MB: memory %.0f MB   asked <= 300\n",
+           1e-6 * (double)shot.size, most);
     if (daemon_stop(&daemon)) failed = true;
-    printf("  from its first byte to the start of work %.1f ms   asked <= 60 for 35 MB; all of it %.0f ms\n", best_start_ms(log), 1e3 * spent.wall_s);
+    printf(
+        "  from its first byte to the start of work %.1f ms   asked <= 60 for 35 MB; all of it %.0f ms\n",
+        best_start_ms(log), 1e3 * spent.wall_s);
     unlink(log);
     free(shot.bytes);
 }
@@ -285,7 +305,8 @@ int main(int argc, char **argv)
         if (!strcmp(argv[i], "--only")) only = argv[i + 1];
     }
     if (!program || rounds < 1) {
-        fprintf(stderr, "usage: facet_wire --daemon PROGRAM [--rounds N] [--only cost|threads|upload]\n");
+        fprintf(stderr,
+                "usage: facet_wire --daemon PROGRAM [--rounds N] [--only cost|threads|upload]\n");
         return 2;
     }
     if (!*only || !strcmp(only, "cost")) cost(program);

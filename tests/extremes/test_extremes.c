@@ -37,29 +37,18 @@ static void hard_pair(struct rng *rng, const facet_material *m, size_t k, double
 {
     draw_pair(rng, &draw_everywhere, m, wi, wo);
     switch (k) {
-    case 0:
-        memcpy(wi, wo, 3 * sizeof *wi);
-        break; /* equal */
-    case 1:    /* opposite */
+    case 0: memcpy(wi, wo, 3 * sizeof *wi); break; /* equal */
+    case 1:                                        /* opposite */
         for (int j = 0; j < 3; j++) wi[j] = -wo[j];
         break;
     case 2: /* both on the horizon */
         wi[0] = -(wo[0] = 1), wi[1] = wo[1] = wi[2] = wo[2] = 0;
         break;
-    case 3: /* both on the pole */
-        wi[0] = wo[0] = wi[1] = wo[1] = 0, wi[2] = wo[2] = 1;
-        break;
-    case 4:
-        wo[2] = 1e-30;
-        break;
-    case 5:
-        wi[2] = 5e-324;
-        break;
-    case 6: /* both below */
-        wi[0] = wo[0] = wi[1] = wo[1] = 0, wi[2] = wo[2] = -1;
-        break;
-    default:
-        break;
+    case 3: /* both on the pole */ wi[0] = wo[0] = wi[1] = wo[1] = 0, wi[2] = wo[2] = 1; break;
+    case 4: wo[2] = 1e-30; break;
+    case 5: wi[2] = 5e-324; break;
+    case 6: /* both below */ wi[0] = wo[0] = wi[1] = wo[1] = 0, wi[2] = wo[2] = -1; break;
+    default: break;
     }
 }
 
@@ -145,10 +134,10 @@ TEST(samples_stay_finite)
             double a[3], b[3];
             hard_pair(&rng, &m, k, a, b);
             for (int j = 0; j < 3; j++) o[j][k] = b[j];
-            u1[k] =
-                rng_uniform(&rng) < 0.5 ? rng_uniform(&rng) : ends[(int)(6 * rng_uniform(&rng))];
-            u2[k] =
-                rng_uniform(&rng) < 0.5 ? rng_uniform(&rng) : ends[(int)(6 * rng_uniform(&rng))];
+            u1[k] = rng_uniform(&rng) < 0.5 ? rng_uniform(&rng)
+                                            : ends[(int)(6 * rng_uniform(&rng))];
+            u2[k] = rng_uniform(&rng) < 0.5 ? rng_uniform(&rng)
+                                            : ends[(int)(6 * rng_uniform(&rng))];
         }
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
@@ -161,8 +150,9 @@ TEST(samples_stay_finite)
         /* The densities of other than visible normals may be next to 0 where fr is not. */
         bool is_bounded = sampler < FACET_SAMPLER_NDF;
         facet_samples s = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
-        CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
-                  FACET_OK);
+        CHECK_INT(
+            facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, N, &s),
+            FACET_OK);
         facet_brdf_destroy(brdf);
         for (size_t k = 0; k < N; k++) {
             double size = hypot(hypot(wi[0][k], wi[1][k]), wi[2][k]);
@@ -180,8 +170,9 @@ TEST(samples_stay_finite)
                 __FILE__, __LINE__,
                 "%s: wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g, %s\n    %s\n    wo {%.17g, "
                 "%.17g, %.17g} u %.17g %.17g",
-                facet_sampler_name(sampler), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k], weight[k], pdf[k],
-                facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
+                facet_sampler_name(sampler), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k],
+                h[2][k], weight[k], pdf[k], facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k],
+                o[2][k], u1[k], u2[k]);
         }
     }
 }
@@ -192,16 +183,24 @@ TEST(samples_stay_finite)
  */
 TEST(a_weight_without_bound_is_the_largest_number)
 {
-    facet_material m = {.ndf = FACET_BECKMANN, .masking = FACET_SMITH_UNCORRELATED, .shear = FACET_THESIS,
-                        .roughness = {.alpha_x = 4938.7212706640412, .alpha_y = 0.54222031831995121, .slope_x = -1e6},
+    facet_material m = {.ndf = FACET_BECKMANN,
+                        .masking = FACET_SMITH_UNCORRELATED,
+                        .shear = FACET_THESIS,
+                        .roughness = {.alpha_x = 4938.7212706640412,
+                                      .alpha_y = 0.54222031831995121,
+                                      .slope_x = -1e6},
                         .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 1, .f0 = {0.5}}};
-    const double o[3] = {-0.20290501415729523, 0.9791983962059021, 1.7307735689087167e-08}, u1 = 0x1p-53, u2 = 0.30092207204344767;
+    const double o[3] = {-0.20290501415729523, 0.9791983962059021, 1.7307735689087167e-08},
+                 u1 = 0x1p-53, u2 = 0.30092207204344767;
     double wi[3], h[3], weight, pdf;
-    facet_samples s = {{&wi[0], &wi[1], &wi[2]}, {&h[0], &h[1], &h[2]}, {&weight, NULL, NULL}, &pdf};
+    facet_samples s = {
+        {&wi[0], &wi[1], &wi[2]}, {&h[0], &h[1], &h[2]}, {&weight, NULL, NULL}, &pdf};
     facet_brdf *brdf = NULL;
     CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
     for (int tier = 0; brdf && tier < FACET_TIER_COUNT; tier++) {
-        CHECK_INT(facet_sample(brdf, (facet_tier)tier, FACET_SAMPLER_AUTO, (facet_vec3_in){&o[0], &o[1], &o[2]}, &u1, &u2, 1, &s), FACET_OK);
+        CHECK_INT(facet_sample(brdf, (facet_tier)tier, FACET_SAMPLER_AUTO,
+                               (facet_vec3_in){&o[0], &o[1], &o[2]}, &u1, &u2, 1, &s),
+                  FACET_OK);
         CHECK(wi[2] > 0 && weight_has_no_bound(&m, wi, o));
         CHECK(weight > 0.25 * DBL_MAX && weight <= DBL_MAX);
     }
@@ -220,7 +219,8 @@ TEST(samples_of_any_length_are_numbers)
         facet_tier tier = (facet_tier)(round % FACET_TIER_COUNT);
         static double o[3][N], u1[N], u2[N], wi[3][N], h[3][N], weight[N], pdf[N], again[N];
         if (round % 2) m.ndf = FACET_GGX, m.roughness.slope_x = m.roughness.slope_y = 0;
-        if (round % 4 == 1) m.roughness.alpha_y = m.roughness.alpha_x, m.roughness.rho = 0; /* the tighter cap */
+        if (round % 4 == 1)
+            m.roughness.alpha_y = m.roughness.alpha_x, m.roughness.rho = 0; /* the tighter cap */
         for (size_t k = 0; k < N; k++) {
             double a[3], b[3];
             hard_pair(&rng, &m, k, a, b);
@@ -231,16 +231,20 @@ TEST(samples_of_any_length_are_numbers)
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         for (int s = 0; brdf && s < FACET_SAMPLER_TABLE; s++) {
             if (!facet_sampler_serves((facet_sampler)s, m.ndf)) continue;
-            facet_samples out = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
+            facet_samples out = {
+                {wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight, NULL, NULL}, pdf};
             const facet_vec3_in wo = {o[0], o[1], o[2]}, drawn = {wi[0], wi[1], wi[2]};
             CHECK_INT(facet_sample(brdf, tier, (facet_sampler)s, wo, u1, u2, N, &out), FACET_OK);
             CHECK_INT(facet_pdf(brdf, tier, (facet_sampler)s, drawn, wo, N, again), FACET_OK);
             for (size_t k = 0; k < N; k++)
-                if (isnan(wi[0][k] + wi[1][k] + wi[2][k]) || isnan(h[0][k] + h[1][k] + h[2][k]) || !(weight[k] >= 0) ||
-                    !(pdf[k] >= 0) || !(again[k] >= 0))
-                    check_fail(__FILE__, __LINE__, "%s: wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g %g, %s\n    %s\n    wo {%.17g, %.17g, %.17g} u %.17g %.17g",
-                               facet_sampler_name((facet_sampler)s), wi[0][k], wi[1][k], wi[2][k], h[0][k], h[1][k], h[2][k],
-                               weight[k], pdf[k], again[k], facet_tier_name(tier), draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
+                if (isnan(wi[0][k] + wi[1][k] + wi[2][k]) || isnan(h[0][k] + h[1][k] + h[2][k]) ||
+                    !(weight[k] >= 0) || !(pdf[k] >= 0) || !(again[k] >= 0))
+                    check_fail(
+                        __FILE__, __LINE__,
+                        "%s: wi {%g, %g, %g} h {%g, %g, %g} weight %g pdf %g %g, %s\n    %s\n    wo {%.17g, %.17g, %.17g} u %.17g %.17g",
+                        facet_sampler_name((facet_sampler)s), wi[0][k], wi[1][k], wi[2][k], h[0][k],
+                        h[1][k], h[2][k], weight[k], pdf[k], again[k], facet_tier_name(tier),
+                        draw_text(&m), o[0][k], o[1][k], o[2][k], u1[k], u2[k]);
         }
         facet_brdf_destroy(brdf);
     }
@@ -254,11 +258,16 @@ TEST(materials_out_of_range_are_refused)
         facet_roughness r;
         facet_status status;
     } cases[] = {
-        {{0, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},        {{1, -1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
-        {{nan, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},      {{1, INFINITY, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
-        {{0.99e-8, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},  {{1, 1.01e4, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
-        {{1, 1, 1, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},          {{1, 1, -1, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},
-        {{1, 1, nan, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},        {{1, 1, 0, 1.1e6, 0, {0, 0, 0}}, FACET_BAD_MEAN_SLOPE},
+        {{0, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{1, -1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{nan, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{1, INFINITY, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{0.99e-8, 1, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{1, 1.01e4, 0, 0, 0, {0, 0, 0}}, FACET_BAD_ALPHA},
+        {{1, 1, 1, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},
+        {{1, 1, -1, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},
+        {{1, 1, nan, 0, 0, {0, 0, 0}}, FACET_BAD_RHO},
+        {{1, 1, 0, 1.1e6, 0, {0, 0, 0}}, FACET_BAD_MEAN_SLOPE},
         {{1, 1, 0, 0, nan, {0, 0, 0}}, FACET_BAD_MEAN_SLOPE},
         {{1, 1, 0.5, 0, 0, {1e-15, 0, 0}}, FACET_BAD_ALPHA},
         {{1, 1, 0.5, 0, 0, {0, nan, 0}}, FACET_BAD_ALPHA},

@@ -72,18 +72,27 @@ static double thesis_rms(const facet_fit_source *source)
     for (int i = 0; i < HALVES; i++) theta_h[i] = PI / 2 * pow((i + .5) / HALVES, 2);
     for (int i = 0; i < DIFFERENCES; i++) theta_d[i] = PI / 2 * i / DIFFERENCES;
     struct fit_grid grid = {theta_h, theta_d, HALVES, DIFFERENCES, AZIMUTHS, 1, NULL, NULL};
-    if (facet_fit_density_create(source, FACET_SMITH, FACET_FIT_MASKING_ONLY, scale, 90, &density) == FACET_OK &&
-        facet_fit_density_table(source, FACET_SMITH, FACET_FIT_MASKING_ONLY, &density, 91, log_d) == FACET_OK &&
+    if (facet_fit_density_create(source, FACET_SMITH, FACET_FIT_MASKING_ONLY, scale, 90,
+                                 &density) == FACET_OK &&
+        facet_fit_density_table(source, FACET_SMITH, FACET_FIT_MASKING_ONLY, &density, 91, log_d) ==
+            FACET_OK &&
         facet_slope_table_create(scale, log_d, 91, &table) == FACET_OK &&
         facet_fit_pairs_create(source, &grid, &pairs) == FACET_OK && error_pairs(source, &errors)) {
-        facet_fit_candidate c = {.material = {.ndf = FACET_TABULATED, .roughness = {.alpha_x = 1, .alpha_y = 1}, .table = table,
-                                              .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}}};
+        facet_fit_candidate c = {
+            .material = {.ndf = FACET_TABULATED,
+                         .roughness = {.alpha_x = 1, .alpha_y = 1},
+                         .table = table,
+                         .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}}};
         facet_fit_pairs_model(&pairs, &c.material, pairs.model);
         mean_fresnel(&pairs, values);
-        for (int g = 0; g <= DIFFERENCES; g++) cosine[g] = cos(PI / 2 * (DIFFERENCES - g) / DIFFERENCES);
+        for (int g = 0; g <= DIFFERENCES; g++)
+            cosine[g] = cos(PI / 2 * (DIFFERENCES - g) / DIFFERENCES);
         cosine[0] = 0;
-        c.material.fresnel = (facet_fresnel){.kind = FACET_FRESNEL_TABLE, .channels = 3, .count = DIFFERENCES + 1,
-                                             .cos_theta_d = cosine, .values = {values[0], values[1], values[2]}};
+        c.material.fresnel = (facet_fresnel){.kind = FACET_FRESNEL_TABLE,
+                                             .channels = 3,
+                                             .count = DIFFERENCES + 1,
+                                             .cos_theta_d = cosine,
+                                             .values = {values[0], values[1], values[2]}};
         if (facet_fit_error_of(&errors, &none, &c) == FACET_OK) rms = c.error.rms_log;
     }
     facet_slope_table_destroy(table);
@@ -105,7 +114,8 @@ static const char *name_of(const facet_fit_candidate *c)
     static char text[64];
     static const char *const ndf[] = {"ggx", "beckmann", "tabulated"};
     snprintf(text, sizeof text, "%s%s%s", ndf[c->material.ndf],
-             c->material.fresnel.kind == FACET_FRESNEL_TABLE ? " + F table" : "", c->has_diffuse ? " + diffuse" : "");
+             c->material.fresnel.kind == FACET_FRESNEL_TABLE ? " + F table" : "",
+             c->has_diffuse ? " + diffuse" : "");
     return text;
 }
 
@@ -127,7 +137,8 @@ static void row(const char *name, const facet_fit_source *source, struct tally *
         const facet_fit_candidate *c = &fit.candidate[i];
         if (!chosen && c->error.rms_log <= TOLERANCE) chosen = c;
         if (c->error.rms_log < best->error.rms_log) best = c;
-        if (c->material.ndf == FACET_GGX && c->material.fresnel.kind == FACET_FRESNEL_SCHLICK && !c->has_diffuse)
+        if (c->material.ndf == FACET_GGX && c->material.fresnel.kind == FACET_FRESNEL_SCHLICK &&
+            !c->has_diffuse)
             ggx = c->error.rms_log;
         if (!isfinite(c->error.rms_log) || !isfinite(c->error.backscatter_max)) tally->bad++;
     }
@@ -137,7 +148,8 @@ static void row(const char *name, const facet_fit_source *source, struct tally *
     tally->beat_both += rms < ggx && !(rms >= thesis);
     bool fits = rms <= FACET_FIT_RMS_MAX && !(fit.hot_spot > FACET_FIT_HOT_SPOT_MAX);
     tally->refused += !fits;
-    printf("| %s | %s%s | %zu | %.3f | %.2f | %.3f | %.3f |\n", name, fits ? "" : "does not fit; closest: ", name_of(chosen), chosen->bytes, rms,
+    printf("| %s | %s%s | %zu | %.3f | %.2f | %.3f | %.3f |\n", name,
+           fits ? "" : "does not fit; closest: ", name_of(chosen), chosen->bytes, rms,
            chosen->error.backscatter_max, ggx, thesis);
     fflush(stdout);
     facet_fit_clear(&fit);
@@ -145,15 +157,18 @@ static void row(const char *name, const facet_fit_source *source, struct tally *
 
 static void head(const char *title)
 {
-    printf("\n## %s\n\n| material | chosen at 0.1 | bytes | rms_log | backscatter max | GGX alone | thesis's table |\n"
-           "|---|---|---|---|---|---|---|\n", title);
+    printf(
+        "\n## %s\n\n| material | chosen at 0.1 | bytes | rms_log | backscatter max | GGX alone | thesis's table |\n"
+        "|---|---|---|---|---|---|---|\n",
+        title);
 }
 
 static void foot(const struct tally *t)
 {
-    printf("\n%d materials: auto at tolerance %g beats both GGX alone and the thesis's table on %d, meets the "
-           "tolerance on %d and says \"fits\":false of %d; %d failed or gave no finite error.\n",
-           t->rows, TOLERANCE, t->beat_both, t->met, t->refused, t->bad);
+    printf(
+        "\n%d materials: auto at tolerance %g beats both GGX alone and the thesis's table on %d, meets the "
+        "tolerance on %d and says \"fits\":false of %d; %d failed or gave no finite error.\n",
+        t->rows, TOLERANCE, t->beat_both, t->met, t->refused, t->bad);
     fprintf(stderr, "slowest fit: %.0f ms\n", t->slowest);
 }
 
@@ -177,7 +192,8 @@ static void table_of_merl(void)
         struct problem problem = {0};
         struct measurement m;
         api_arena_open(&arena, (size_t)1 << 28);
-        if (bytes && api_measurement_open(bytes, size, -1, &arena, &problem, &m)) row(line, &m.source, &tally);
+        if (bytes && api_measurement_open(bytes, size, -1, &arena, &problem, &m))
+            row(line, &m.source, &tally);
         api_arena_close(&arena);
         free(bytes);
     }
@@ -232,9 +248,10 @@ static void table_of_rgl(void)
 
 TEST(table)
 {
-    printf("# Fits of measured materials\n\nMade by `make fit-table` of the measurements in shared data; rms_log as "
-           "`/v1/fit` defines it.  \"GGX alone\": isotropic, Schlick, no diffuse part.  \"Thesis's table\": Dupuy 2015, "
-           "algorithms 1 and 2 (masking only, its power iteration converged, 90 nodes, no diffuse part).\n");
+    printf(
+        "# Fits of measured materials\n\nMade by `make fit-table` of the measurements in shared data; rms_log as "
+        "`/v1/fit` defines it.  \"GGX alone\": isotropic, Schlick, no diffuse part.  \"Thesis's table\": Dupuy 2015, "
+        "algorithms 1 and 2 (masking only, its power iteration converged, 90 nodes, no diffuse part).\n");
     table_of_merl();
     table_of_formulas("brdf_params/sgd_params.csv", true, "SGD (Bagher et al. 2012)");
     table_of_formulas("brdf_params/abc_params.csv", false, "ABC (Low et al. 2012)");
@@ -246,7 +263,8 @@ TEST(formulas_as_djbrdf_has_them)
 {
     static struct formula sgd[128], abc[128];
     size_t sgds = formulas_read(check_data("brdf_params/sgd_params.csv"), true, sgd, 128);
-    size_t abcs = formulas_read(check_data("brdf_params/abc_params.csv"), false, abc, 128), rows = 0;
+    size_t abcs = formulas_read(check_data("brdf_params/abc_params.csv"), false, abc, 128),
+           rows = 0;
     const char *csv = check_data("reference/djbrdf_sgd_abc_golden.csv");
     FILE *file = csv ? fopen(csv, "r") : NULL;
     char line[300], model[8], name[64];
@@ -256,8 +274,8 @@ TEST(formulas_as_djbrdf_has_them)
         return;
     }
     while (fgets(line, sizeof line, file)) {
-        if (sscanf(line, "%7[^,],%63[^,],%lf,%lf,%lf,%lf,%lf,%lf", model, name, &ti, &to, &po, rgb, rgb + 1,
-                   rgb + 2) != 8)
+        if (sscanf(line, "%7[^,],%63[^,],%lf,%lf,%lf,%lf,%lf,%lf", model, name, &ti, &to, &po, rgb,
+                   rgb + 1, rgb + 2) != 8)
             continue;
         bool is_sgd = !strcmp(model, "sgd");
         const struct formula *f = is_sgd ? sgd : abc;
@@ -267,7 +285,8 @@ TEST(formulas_as_djbrdf_has_them)
         ti *= PI / 180, to *= PI / 180, po *= PI / 180;
         double i[3] = {sin(ti), 0, cos(ti)}, o[3] = {sin(to) * cos(po), sin(to) * sin(po), cos(to)};
         for (int c = 0; c < 3; c++)
-            worst = fmax(worst, fabs(formula_fr(&f[k], i, o, c) - rgb[c]) / fmax(fabs(rgb[c]), 1e-3));
+            worst = fmax(worst,
+                         fabs(formula_fr(&f[k], i, o, c) - rgb[c]) / fmax(fabs(rgb[c]), 1e-3));
         rows++;
     }
     fclose(file);

@@ -14,7 +14,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!file || size < 8) return 0;
     struct merl merl = {file};
     facet_fit_source source = {api_merl_evaluate, &merl, api_merl_slope_max(), false, NULL};
-    for (size_t at = 12; at + 8 <= MERL_SIZE; at += 8 * 99991) { /* only numbers that open accepts */
+    for (size_t at = 12; at + 8 <= MERL_SIZE;
+         at += 8 * 99991) { /* only numbers that open accepts */
         double value;
         memcpy(&value, data + at / 8 % (size - 7), 8);
         if (!isfinite(value) || fabs(value) > 1e300) value = -1;

@@ -14,7 +14,8 @@ static void check_npy(const struct part *part)
     if (api_npy_read(part->bytes, part->size, NULL, &arena, &problem, &array)) {
         size_t item = array.type == ARRAY_FLOAT ? 4 : 8;
         static volatile unsigned char sum; /* asan looks */
-        for (size_t i = 0; i < array.count * item; i++) sum = sum ^ ((const unsigned char *)array.data)[i];
+        for (size_t i = 0; i < array.count * item; i++)
+            sum = sum ^ ((const unsigned char *)array.data)[i];
         if (array.nested && array.rows * array.columns != array.count) abort();
     }
     api_arena_close(&arena);
@@ -22,7 +23,8 @@ static void check_npy(const struct part *part)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    static const char *const types[] = {"multipart/form-data; boundary=b", "multipart/form-data; boundary=\"b\""};
+    static const char *const types[] = {"multipart/form-data; boundary=b",
+                                        "multipart/form-data; boundary=\"b\""};
     struct part parts[PARTS_MAX], whole = {"", (const char *)data, size};
     struct problem problem = {0};
     const char *body = (const char *)data;
@@ -33,7 +35,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         return 0;
     }
     for (size_t i = 0; i < count; i++) {
-        if (parts[i].bytes < body || parts[i].size > (size_t)(body + size - parts[i].bytes)) abort();
+        if (parts[i].bytes < body || parts[i].size > (size_t)(body + size - parts[i].bytes))
+            abort();
         check_npy(&parts[i]);
     }
     return 0;

@@ -62,7 +62,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     api_is_short(&request);
     api_handle(&request, &response);
     if (!is_documented(response.status) || !response.body) {
-        fprintf(stderr, "%d %.300s for %.*s\n", response.status, (char *)response.body, (int)size, (const char *)data);
+        fprintf(stderr, "%d %.300s for %.*s\n", response.status, (char *)response.body, (int)size,
+                (const char *)data);
         abort();
     }
     if (strstr(response.content_type, "json")) check_json(&response);

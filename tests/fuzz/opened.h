@@ -23,7 +23,8 @@ static inline void fuzz_ask(const facet_fit_source *source)
     if (source->samples) {
         for (size_t i = 0; i < source->samples->count; i++)
             for (int c = 0; c < 3; c++)
-                if (!isfinite(source->samples->fr[c][i]) || !(source->samples->wi.z[i] > 0)) abort();
+                if (!isfinite(source->samples->fr[c][i]) || !(source->samples->wi.z[i] > 0))
+                    abort();
         return;
     }
     if (source->evaluate(source->user, (facet_vec3_in){v[0], v[1], v[2]},

@@ -57,14 +57,9 @@ static size_t mutate(uint8_t *bytes, size_t size)
     static const char words[] = "{}[]\",:0123456789.-+eE \\nullb\r\n\0\xff";
     size_t at = below(size), other = below(files), n = below(16);
     switch (below(6)) {
-    case 0:
-        bytes[at] = (uint8_t)below(256);
-        return size;
-    case 1:
-        bytes[at] = (uint8_t)words[below(sizeof words)];
-        return size;
-    case 2: /* cut */
-        return below(8) ? size : at;
+    case 0: bytes[at] = (uint8_t)below(256); return size;
+    case 1: bytes[at] = (uint8_t)words[below(sizeof words)]; return size;
+    case 2: /* cut */ return below(8) ? size : at;
     case 3: /* remove some */
         if (n > size - at) n = size - at;
         memmove(bytes + at, bytes + at + n, size - at - n);

@@ -10,7 +10,8 @@ enum { N = 100 }; /* more than a vector, so that kernels run in place as well */
 static void draw_wo(struct rng *rng, float wo[3][N])
 {
     for (int k = 0; k < N; k++) {
-        double z = 0.05 + 0.95 * rng_uniform(rng), phi = 6.28 * rng_uniform(rng), s = sqrt(1 - z * z);
+        double z = 0.05 + 0.95 * rng_uniform(rng), phi = 6.28 * rng_uniform(rng),
+               s = sqrt(1 - z * z);
         wo[0][k] = (float)(s * cos(phi));
         wo[1][k] = (float)(s * sin(phi));
         wo[2][k] = (float)z;
@@ -34,8 +35,12 @@ static void compare(const facet_brdf *brdf, facet_tier tier, facet_sampler sampl
     }
     facet_samples_float floats = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight}, .pdf = pdf};
     facet_samples doubles = {.wi = {i[0], i[1], i[2]}, .weight = {w}, .pdf = p};
-    CHECK_INT(facet_sample_float(brdf, tier, sampler, (facet_vec3_in_float){wo[0], wo[1], wo[2]}, u[0], u[1], N, &floats), FACET_OK);
-    CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, v[0], v[1], N, &doubles), FACET_OK);
+    CHECK_INT(facet_sample_float(brdf, tier, sampler, (facet_vec3_in_float){wo[0], wo[1], wo[2]},
+                                 u[0], u[1], N, &floats),
+              FACET_OK);
+    CHECK_INT(facet_sample(brdf, tier, sampler, (facet_vec3_in){o[0], o[1], o[2]}, v[0], v[1], N,
+                           &doubles),
+              FACET_OK);
     /* Away from the ends of u and from grazing views: twice what the loosest tier errs. */
     const double allowed = tier == FACET_DRAFT ? 1e-2 : 1e-3;
     for (int k = 0; k < N; k++) {
@@ -51,12 +56,15 @@ TEST(samples_on_floats_are_those_on_doubles)
     struct rng rng;
     rng_seed(&rng, 91);
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
-        facet_material m = {.ndf = (facet_ndf)ndf, .roughness = {.alpha_x = 0.4, .alpha_y = 0.3},
+        facet_material m = {.ndf = (facet_ndf)ndf,
+                            .roughness = {.alpha_x = 0.4, .alpha_y = 0.3},
                             .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
         facet_brdf *brdf = NULL;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         for (int s = FACET_SAMPLER_AUTO; brdf && s < FACET_SAMPLER_COUNT; s++)
-            for (int tier = 0; facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf) && tier < FACET_TIER_COUNT; tier++)
+            for (int tier = 0;
+                 facet_sampler_serves((facet_sampler)s, (facet_ndf)ndf) && tier < FACET_TIER_COUNT;
+                 tier++)
                 compare(brdf, (facet_tier)tier, (facet_sampler)s, &rng);
         facet_brdf_destroy(brdf);
     }
@@ -71,9 +79,12 @@ TEST(the_thesis_is_never_replaced)
     rng_seed(&rng, 92);
     for (int masking = FACET_SMITH; masking <= FACET_SMITH_UNCORRELATED; masking++)
         for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
-            facet_material m = {.ndf = (facet_ndf)ndf, .masking = (facet_masking)masking, .shear = FACET_THESIS,
-                                .roughness = {.alpha_x = 0.4, .alpha_y = 0.3, .slope_x = 0.3, .slope_y = -0.2},
-                                .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
+            facet_material m = {
+                .ndf = (facet_ndf)ndf,
+                .masking = (facet_masking)masking,
+                .shear = FACET_THESIS,
+                .roughness = {.alpha_x = 0.4, .alpha_y = 0.3, .slope_x = 0.3, .slope_y = -0.2},
+                .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
             facet_brdf *brdf = NULL;
             CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
             draw_wo(&rng, wi);
@@ -84,7 +95,8 @@ TEST(the_thesis_is_never_replaced)
                 facet_outputs outputs = {0};
                 outputs.of[FACET_FR][0] = tier == FACET_PRECISE ? exact : fr;
                 CHECK_INT(facet_eval(brdf, (facet_tier)tier, in, out, N, &outputs), FACET_OK);
-                for (int k = 0; tier < FACET_PRECISE && k < N; k++) CHECK_REL(fr[k], exact[k], 1e-6, 0);
+                for (int k = 0; tier < FACET_PRECISE && k < N; k++)
+                    CHECK_REL(fr[k], exact[k], 1e-6, 0);
             }
             facet_brdf_destroy(brdf);
         }

@@ -182,17 +182,20 @@ TEST(bounded_caps_are_never_thinner_than_caps)
         if (!brdf) continue;
         draw_pairs(&rng, &m, &p);
         CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_CAPS, in(p.i), in(p.o), N, caps), FACET_OK);
-        CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_BOUNDED, in(p.i), in(p.o), N, bounded), FACET_OK);
+        CHECK_INT(facet_pdf(brdf, tier, FACET_SAMPLER_BOUNDED, in(p.i), in(p.o), N, bounded),
+                  FACET_OK);
         double bound = 0;
-        bool promised = facet_pdf_bound(brdf, tier, FACET_SAMPLER_BOUNDED, 0, &bound) && bound < 0.1;
+        bool promised = facet_pdf_bound(brdf, tier, FACET_SAMPLER_BOUNDED, 0, &bound) &&
+                        bound < 0.1;
         facet_brdf_destroy(brdf);
         for (size_t k = 0; promised && k < N; k++) {
             if (!(p.i[2][k] > 0)) continue;
             thicker += bounded[k] > 1.01 * caps[k];
             if (bounded[k] >= caps[k] * (1 - 2 * bound) - 2 * FACET_FLOOR) continue;
-            check_fail(__FILE__, __LINE__, "bounded %.17g caps %.17g, %s\n    %s\n    wo {%.17g, %.17g, %.17g}",
-                       bounded[k], caps[k], facet_tier_name(tier), draw_text(&m), p.o[0][k], p.o[1][k],
-                       p.o[2][k]);
+            check_fail(__FILE__, __LINE__,
+                       "bounded %.17g caps %.17g, %s\n    %s\n    wo {%.17g, %.17g, %.17g}",
+                       bounded[k], caps[k], facet_tier_name(tier), draw_text(&m), p.o[0][k],
+                       p.o[1][k], p.o[2][k]);
         }
     }
     check_note("thicker", (double)thicker);

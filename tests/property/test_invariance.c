@@ -198,8 +198,11 @@ TEST(a_quarter_turn_changes_nothing)
     for (size_t round = draw_count(300); round--;) {
         facet_material m = any_material(&rng), turned = m;
         const facet_roughness *r = &m.roughness;
-        turned.roughness =
-            (facet_roughness){.alpha_x = r->alpha_y, .alpha_y = r->alpha_x, .rho = -r->rho, .slope_x = -r->slope_y, .slope_y = r->slope_x};
+        turned.roughness = (facet_roughness){.alpha_x = r->alpha_y,
+                                             .alpha_y = r->alpha_x,
+                                             .rho = -r->rho,
+                                             .slope_x = -r->slope_y,
+                                             .slope_y = r->slope_x};
         draw_batch(&rng, &draw_ordinary, &m, &a);
         b = a;
         for (size_t k = 0; k < N; k++) {

@@ -50,7 +50,8 @@ static double part_of(const struct density *d, double p, double q, double size)
     for (int k = 0; k < NODES; k++) {
         int a = k / GAUSS_NODES, b = k % GAUSS_NODES;
         double wi[3];
-        area[k] = square_direction(d->square, p + size * d->node[a], q + size * d->node[b], wi) * d->weight[a] * d->weight[b];
+        area[k] = square_direction(d->square, p + size * d->node[a], q + size * d->node[b], wi) *
+                  d->weight[a] * d->weight[b];
         for (int j = 0; j < 3; j++) i[j][k] = wi[j], o[j][k] = d->square->wo[j];
     }
     CHECK_INT(facet_pdf(d->brdf, d->tier, d->square->sampler, (facet_vec3_in){i[0], i[1], i[2]},
@@ -61,14 +62,17 @@ static double part_of(const struct density *d, double p, double q, double size)
 }
 
 /* The same, by quarters where that makes a difference, as edges do; no more than depth times. */
-static double share_of(const struct density *d, double p, double q, double size, double whole, int depth)
+static double share_of(const struct density *d, double p, double q, double size, double whole,
+                       int depth)
 {
     double part[4], sum = 0, half = size / 2;
     if (depth == 0) return whole;
-    for (int k = 0; k < 4; k++) sum += part[k] = part_of(d, p + half * (k & 1), q + half * (k >> 1), half);
+    for (int k = 0; k < 4; k++)
+        sum += part[k] = part_of(d, p + half * (k & 1), q + half * (k >> 1), half);
     if (fabs(sum - whole) < 1e-5 / CELLS) return sum;
     sum = 0;
-    for (int k = 0; k < 4; k++) sum += share_of(d, p + half * (k & 1), q + half * (k >> 1), half, part[k], depth - 1);
+    for (int k = 0; k < 4; k++)
+        sum += share_of(d, p + half * (k & 1), q + half * (k >> 1), half, part[k], depth - 1);
     return sum;
 }
 
@@ -88,8 +92,8 @@ static bool expected_shares(const facet_brdf *brdf, facet_tier tier, const facet
         total += share[k];
     }
     if (fabs(total - 1) < slack) return true;
-    check_fail(__FILE__, __LINE__, "the pdf of %s integrates to %.9g: %s", facet_sampler_name(square->sampler),
-               total, draw_text(m));
+    check_fail(__FILE__, __LINE__, "the pdf of %s integrates to %.9g: %s",
+               facet_sampler_name(square->sampler), total, draw_text(m));
     return false;
 }
 
@@ -100,8 +104,8 @@ static bool expected_shares(const facet_brdf *brdf, facet_tier tier, const facet
 enum counted_by { BY_WI, BY_H };
 
 /* Counts per cell; the last entry counts what fell outside. */
-static void count(const facet_brdf *brdf, facet_tier tier, const struct square *square, enum counted_by by,
-                  size_t batches, struct rng *rng, double counts[CELLS + 1])
+static void count(const facet_brdf *brdf, facet_tier tier, const struct square *square,
+                  enum counted_by by, size_t batches, struct rng *rng, double counts[CELLS + 1])
 {
     static double o[3][BATCH], u1[BATCH], u2[BATCH], wi[3][BATCH], h[3][BATCH];
     memset(counts, 0, (CELLS + 1) * sizeof *counts);
@@ -113,8 +117,8 @@ static void count(const facet_brdf *brdf, facet_tier tier, const struct square *
             u2[k] = rng_uniform(rng);
         }
         facet_samples s = {.wi = {wi[0], wi[1], wi[2]}, .h = {h[0], h[1], h[2]}};
-        CHECK_INT(facet_sample(brdf, tier, square->sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2,
-                               BATCH, &s),
+        CHECK_INT(facet_sample(brdf, tier, square->sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1,
+                               u2, BATCH, &s),
                   FACET_OK);
         double *const to_wi[3] = {wi[0], wi[1], wi[2]}, *const to_h[3] = {h[0], h[1], h[2]};
         square_count(square, BATCH, to_wi, by == BY_H ? to_h : NULL, counts);
@@ -154,8 +158,9 @@ static void view(double theta_degrees, double phi, double wo[3])
 }
 
 /* The p-value of one sampler, material and direction, which is to pass with `tests` of its like. */
-static double p_of(facet_tier tier, facet_sampler sampler, const facet_material *m, const double wo[3],
-                   enum counted_by by, size_t batches, int depth, size_t tests, struct rng *rng)
+static double p_of(facet_tier tier, facet_sampler sampler, const facet_material *m,
+                   const double wo[3], enum counted_by by, size_t batches, int depth, size_t tests,
+                   struct rng *rng)
 {
     struct square square = square_of(sampler, m, wo);
     static double share[CELLS], counts[CELLS + 1];
@@ -167,8 +172,8 @@ static double p_of(facet_tier tier, facet_sampler sampler, const facet_material 
         p = p_value(share, counts, (double)batches * BATCH);
     }
     if (!(p * (double)tests > 0.01))
-        check_fail(__FILE__, __LINE__, "%s: p = %.3g, %g outside: wo_z %g, %s", facet_sampler_name(sampler), p,
-                   counts[CELLS], wo[2], draw_text(m));
+        check_fail(__FILE__, __LINE__, "%s: p = %.3g, %g outside: wo_z %g, %s",
+                   facet_sampler_name(sampler), p, counts[CELLS], wo[2], draw_text(m));
     facet_brdf_destroy(brdf);
     return p;
 }
@@ -180,7 +185,8 @@ static void chi_squared(facet_tier tier, facet_sampler sampler, size_t batches)
     rng_seed(&rng, 31);
     double worst = 1;
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++)
-        for (int k = 0; facet_sampler_serves(sampler, (facet_ndf)ndf) && k < SURFACES * VIEWS; k++) {
+        for (int k = 0; facet_sampler_serves(sampler, (facet_ndf)ndf) && k < SURFACES * VIEWS;
+             k++) {
             int s = k / VIEWS, v = k % VIEWS;
             facet_material m = {.ndf = (facet_ndf)ndf, .roughness = roughness[s]};
             m.fresnel.channels = 1;
@@ -233,7 +239,8 @@ TEST(cosine_samples_follow_their_pdf)
 
 /* ---- on a whole grid, at length ------------------------------------------------------------- */
 
-static const double grid_alpha[] = {1e-3, 1e-2, 0.1, 0.5, 1, 4}, grid_degrees[] = {0, 30, 60, 85, 89.9};
+static const double grid_alpha[] = {1e-3, 1e-2, 0.1, 0.5, 1, 4},
+                    grid_degrees[] = {0, 30, 60, 85, 89.9};
 enum { GRID_MAX = 2000 };
 static const char *const grid_shape[] = {"isotropic", "rho .7", "sheared"};
 
@@ -264,12 +271,16 @@ static bool grid_at(size_t k, struct grid_point *at)
                 continue;
             }
             double alpha = grid_alpha[k % ALPHAS];
-            *at = (struct grid_point){.sampler = (facet_sampler)sampler,
-                                      .material = {.ndf = (facet_ndf)ndf, .fresnel = {.channels = 1}},
-                                      .shape = (int)(k / ALPHAS % SHAPES), .degrees = grid_degrees[k / ALPHAS / SHAPES]};
+            *at = (struct grid_point){
+                .sampler = (facet_sampler)sampler,
+                .material = {.ndf = (facet_ndf)ndf, .fresnel = {.channels = 1}},
+                .shape = (int)(k / ALPHAS % SHAPES),
+                .degrees = grid_degrees[k / ALPHAS / SHAPES]};
             at->material.roughness = (facet_roughness){.alpha_x = alpha, .alpha_y = alpha};
-            if (at->shape == 1) at->material.roughness.alpha_y = 0.5 * alpha, at->material.roughness.rho = 0.7;
-            if (at->shape == 2) at->material.roughness.slope_x = 0.3, at->material.roughness.slope_y = -0.2;
+            if (at->shape == 1)
+                at->material.roughness.alpha_y = 0.5 * alpha, at->material.roughness.rho = 0.7;
+            if (at->shape == 2)
+                at->material.roughness.slope_x = 0.3, at->material.roughness.slope_y = -0.2;
             view(at->degrees, 0.7 + 1.3 * (double)(k % 5), at->wo);
             return true;
         }
@@ -283,7 +294,9 @@ static bool grid_at(size_t k, struct grid_point *at)
 static facet_tier tier_at(const struct grid_point *at, size_t k)
 {
     bool resolves = at->shape != 2 || at->material.roughness.alpha_x >= 0.1;
-    return resolves && at->sampler != FACET_SAMPLER_TABLE && (k * 2654435761u >> 16 & 1) ? FACET_FAST : FACET_PRECISE;
+    return resolves && at->sampler != FACET_SAMPLER_TABLE && (k * 2654435761u >> 16 & 1)
+               ? FACET_FAST
+               : FACET_PRECISE;
 }
 
 /* What processes share: who takes the next point, and what was found. */
@@ -298,7 +311,8 @@ static double most_of(facet_sampler sampler)
     return sampler == FACET_SAMPLER_TABLE ? 1e7 : INFINITY;
 }
 
-static void take_points(struct sweep *sweep, size_t points, size_t stride, double samples, bool tells)
+static void take_points(struct sweep *sweep, size_t points, size_t stride, double samples,
+                        bool tells)
 {
     const size_t tests = (points - stride / 2 + stride - 1) / stride;
     for (size_t i; (i = sweep->next++) < tests;) {
@@ -309,12 +323,14 @@ static void take_points(struct sweep *sweep, size_t points, size_t stride, doubl
         rng_seed(&rng, 32 + k);
         facet_tier tier = tier_at(&at, k);
         double start = seconds(), drawn = fmin(samples, most_of(at.sampler));
-        sweep->p[i] = p_of(tier, at.sampler, &at.material, at.wo, tier < FACET_EXACT32 ? BY_H : BY_WI,
-                           (size_t)(drawn / BATCH), 7, tests, &rng);
+        sweep->p[i] = p_of(tier, at.sampler, &at.material, at.wo,
+                           tier < FACET_EXACT32 ? BY_H : BY_WI, (size_t)(drawn / BATCH), 7, tests,
+                           &rng);
         if (!tells) continue;
-        printf("%-8s %-8s %-9s alpha %-5g theta %-4g %-7s %g samples  %5.1f s  p = %.4g\n", at.material.ndf == FACET_GGX ? "ggx" : "beckmann",
-               facet_sampler_name(at.sampler), grid_shape[at.shape], at.material.roughness.alpha_x, at.degrees, facet_tier_name(tier),
-               drawn, seconds() - start, sweep->p[i]);
+        printf("%-8s %-8s %-9s alpha %-5g theta %-4g %-7s %g samples  %5.1f s  p = %.4g\n",
+               at.material.ndf == FACET_GGX ? "ggx" : "beckmann", facet_sampler_name(at.sampler),
+               grid_shape[at.shape], at.material.roughness.alpha_x, at.degrees,
+               facet_tier_name(tier), drawn, seconds() - start, sweep->p[i]);
         fflush(stdout);
     }
 }
@@ -347,7 +363,8 @@ TEST(every_sampler_at_length)
     double samples = asked ? strtod(asked, NULL) : BATCH * (double)draw_count(1000), worst = 1;
     struct grid_point at;
     while (grid_at(points, &at)) points++;
-    struct sweep *sweep = mmap(NULL, sizeof *sweep, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    struct sweep *sweep = mmap(NULL, sizeof *sweep, PROT_READ | PROT_WRITE,
+                               MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (sweep == MAP_FAILED || points > GRID_MAX) {
         check_fail(__FILE__, __LINE__, "no place for %zu points", points);
         return;
@@ -361,7 +378,8 @@ TEST(every_sampler_at_length)
         take_points(sweep, points, stride, samples, false);
     for (size_t k = stride / 2; k < points; k += stride) tests++;
     for (size_t i = first; i < tests; i++) {
-        if (!(sweep->p[i] * (double)tests > 0.01)) check_fail(__FILE__, __LINE__, "point %zu: p = %.3g", i, sweep->p[i]);
+        if (!(sweep->p[i] * (double)tests > 0.01))
+            check_fail(__FILE__, __LINE__, "point %zu: p = %.3g", i, sweep->p[i]);
         worst = fmin(worst, sweep->p[i]);
     }
     munmap(sweep, sizeof *sweep);

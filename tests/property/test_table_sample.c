@@ -64,14 +64,17 @@ static void slopes_of(const struct scene *scene, const double h[3], double slope
 }
 
 /* D_vis as eval answers it, per area of standard slopes: D_vis h_z^3 det, at n places on rings. */
-static void densities(const struct scene *scene, const double *radius, const double *turn, size_t n, double *out)
+static void densities(const struct scene *scene, const double *radius, const double *turn, size_t n,
+                      double *out)
 {
     static double i[3][POINTS * TURNS], o[3][POINTS * TURNS], z[POINTS * TURNS];
     const facet_roughness *r = &scene->r;
     for (size_t k = 0; k < n; k++) {
         double along = radius[k] * cos(turn[k]), across = radius[k] * sin(turn[k]);
-        double x = -(along * scene->ca - across * scene->cb), y = -(along * scene->cb + across * scene->ca);
-        double h[3] = {-(r->alpha_x * x + r->slope_x), -(r->alpha_y * (r->rho * x + kappa(r) * y) + r->slope_y), 1};
+        double x = -(along * scene->ca - across * scene->cb),
+               y = -(along * scene->cb + across * scene->ca);
+        double h[3] = {-(r->alpha_x * x + r->slope_x),
+                       -(r->alpha_y * (r->rho * x + kappa(r) * y) + r->slope_y), 1};
         double length = sqrt(h[0] * h[0] + h[1] * h[1] + 1), dot = 0;
         for (int j = 0; j < 3; j++) h[j] /= length, dot += h[j] * scene->wo[j];
         for (int j = 0; j < 3; j++) i[j][k] = 2 * dot * h[j] - scene->wo[j], o[j][k] = scene->wo[j];
@@ -81,7 +84,8 @@ static void densities(const struct scene *scene, const double *radius, const dou
     memset(&outputs, 0, sizeof outputs);
     outputs.of[FACET_D_VIS][0] = out;
     CHECK_INT(facet_eval(scene->brdf, FACET_PRECISE, (facet_vec3_in){i[0], i[1], i[2]},
-                         (facet_vec3_in){o[0], o[1], o[2]}, n, &outputs), FACET_OK);
+                         (facet_vec3_in){o[0], o[1], o[2]}, n, &outputs),
+              FACET_OK);
     double det = r->alpha_x * r->alpha_y * kappa(r);
     for (size_t k = 0; k < n; k++) out[k] *= z[k] * z[k] * z[k] * det;
 }
@@ -104,7 +108,8 @@ static double rings(const struct scene *scene, double u0, double u1)
     for (int p = 0; p < POINTS; p++) {
         double u = u0 + (u1 - u0) * node[p], r = b * u / (1 - u);
         end[p] = turn_end(scene, r);
-        for (int k = 0; k < TURNS; k++) radius[p * TURNS + k] = r, turn[p * TURNS + k] = end[p] * t[k];
+        for (int k = 0; k < TURNS; k++)
+            radius[p * TURNS + k] = r, turn[p * TURNS + k] = end[p] * t[k];
     }
     densities(scene, radius, turn, POINTS * TURNS, value);
     for (int p = 0; p < POINTS; p++) {
@@ -135,19 +140,22 @@ static double probability(const struct scene *scene, double u0, double u1)
     return sum;
 }
 
-static void draw(const struct scene *scene, facet_sampler sampler, const double *u1, const double *u2, size_t n,
-                 double h[3][QUANTILES], double wi[3][QUANTILES], double *pdf)
+static void draw(const struct scene *scene, facet_sampler sampler, const double *u1,
+                 const double *u2, size_t n, double h[3][QUANTILES], double wi[3][QUANTILES],
+                 double *pdf)
 {
     static double o[3][QUANTILES];
     for (size_t k = 0; k < n; k++)
         for (int j = 0; j < 3; j++) o[j][k] = scene->wo[j];
     facet_samples out = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {0}, pdf};
-    CHECK_INT(facet_sample(scene->brdf, FACET_PRECISE, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u1, u2, n, &out),
+    CHECK_INT(facet_sample(scene->brdf, FACET_PRECISE, sampler, (facet_vec3_in){o[0], o[1], o[2]},
+                           u1, u2, n, &out),
               FACET_OK);
 }
 
 /* CDF of rings at the quantiles of u1, and of the places along each at one u2. */
-static double ring_distance(const struct scene *scene, const double *u1, const double *u2, const double h[3][QUANTILES])
+static double ring_distance(const struct scene *scene, const double *u1, const double *u2,
+                            const double h[3][QUANTILES])
 {
     double worst = 0, below = 0, at = 0;
     for (size_t k = 0; k <= QUANTILES; k++) {
@@ -158,7 +166,8 @@ static double ring_distance(const struct scene *scene, const double *u1, const d
         at = u;
         worst = check_worse(worst, fabs(below - (k < QUANTILES ? u1[k] : 1)));
         if (k == QUANTILES || k == 0) continue; /* the first ring is a point, or seen in one */
-        double c = scene->c, s = scene->s * r, end = turn_end(scene, r), phi = atan2(slope[1], slope[0]);
+        double c = scene->c, s = scene->s * r, end = turn_end(scene, r),
+               phi = atan2(slope[1], slope[0]);
         double share = (c * phi + s * sin(phi)) / (c * end + s * sin(end)) / 2 + 0.5;
         worst = check_worse(worst, fabs(share - u2[k]));
     }
@@ -168,7 +177,8 @@ static double ring_distance(const struct scene *scene, const double *u1, const d
 /* against: whose pdf the samples have; bound: of the two. */
 static void check_scene(struct scene *scene, facet_sampler against, double bound, const char *name)
 {
-    static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES], again[QUANTILES], o[3][QUANTILES];
+    static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES],
+        again[QUANTILES], o[3][QUANTILES];
     for (int k = 0; k < QUANTILES; k++) {
         u1[k] = (double)k / QUANTILES; /* 0 included */
         if (k == QUANTILES - 1) u1[k] = 1 - 1e-9;
@@ -180,16 +190,18 @@ static void check_scene(struct scene *scene, facet_sampler against, double bound
     double distance = ring_distance(scene, u1, u2, h);
     check_note("Kolmogorov-Smirnov", distance);
     if (!(distance <= 1e-8)) /* asked: 1e-6 */
-        check_fail(__FILE__, __LINE__, "%s: distance %.3g, scale %g, wo_z %g, c %g, s %g", name, distance, scene->scale,
-                   scene->wo[2], scene->c, scene->s);
+        check_fail(__FILE__, __LINE__, "%s: distance %.3g, scale %g, wo_z %g, c %g, s %g", name,
+                   distance, scene->scale, scene->wo[2], scene->c, scene->s);
     CHECK_INT(facet_pdf(scene->brdf, FACET_PRECISE, against, (facet_vec3_in){wi[0], wi[1], wi[2]},
-                        (facet_vec3_in){o[0], o[1], o[2]}, QUANTILES, again), FACET_OK);
+                        (facet_vec3_in){o[0], o[1], o[2]}, QUANTILES, again),
+              FACET_OK);
     for (int k = 0; k < QUANTILES; k++) {
         double dot = 0, flat = 0;
         for (int j = 0; j < 3; j++) dot += scene->wo[j] * h[j][k], flat += wi[j][k] * wi[j][k];
         CHECK(isfinite(pdf[k]) && fabs(flat - 1) < 1e-12);
         /* wi is rounded, which moves its density where wo.h is small and lobes are narrow */
-        double moves = 1e-14 / (fabs(dot) * scene->scale * fmin(scene->r.alpha_x, scene->r.alpha_y));
+        double moves = 1e-14 /
+                       (fabs(dot) * scene->scale * fmin(scene->r.alpha_x, scene->r.alpha_y));
         if (!(moves < 1e-7)) continue;
         CHECK_REL(again[k], pdf[k], bound + moves, 1e-20);
         compared++;
@@ -220,7 +232,8 @@ TEST(samples_have_the_density_that_eval_answers)
                 struct scene scene = {.brdf = brdf, .r = m.roughness, .scale = 1.5 * alphas[a]};
                 for (size_t v = 0; v < 4 && brdf; v++) {
                     look_from(&scene, views[v], 0.3 + (double)v);
-                    check_scene(&scene, FACET_SAMPLER_AUTO, 1e-8, ndf == FACET_GGX ? "ggx" : "beckmann");
+                    check_scene(&scene, FACET_SAMPLER_AUTO, 1e-8,
+                                ndf == FACET_GGX ? "ggx" : "beckmann");
                 }
                 facet_brdf_destroy(brdf);
             }
@@ -248,7 +261,8 @@ TEST(closed_distributions_by_their_tables)
             }
             double bound;
             CHECK(!facet_sample_bound(brdf, FACET_FAST, FACET_SAMPLER_TABLE, 0, &bound));
-            CHECK(facet_sample_bound(brdf, FACET_PRECISE, FACET_SAMPLER_TABLE, 0, &bound) && bound < 1e-5);
+            CHECK(facet_sample_bound(brdf, FACET_PRECISE, FACET_SAMPLER_TABLE, 0, &bound) &&
+                  bound < 1e-5);
             facet_brdf_destroy(brdf);
         }
     }
@@ -257,9 +271,13 @@ TEST(closed_distributions_by_their_tables)
 /* All normals: the ring of GGX's table with u1 of them inside is GGX's own, and both densities agree. */
 TEST(all_normals_are_those_of_the_source)
 {
-    static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES], again[QUANTILES], o[3][QUANTILES];
+    static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES],
+        again[QUANTILES], o[3][QUANTILES];
     facet_slope_table *table = table_of(FACET_GGX, 0.3);
-    facet_material m = {.ndf = FACET_TABULATED, .roughness = {.alpha_x = 0.5, .alpha_y = 2, .rho = 0.7, .slope_x = 0.1, .slope_y = -0.2}, .table = table};
+    facet_material m = {
+        .ndf = FACET_TABULATED,
+        .roughness = {.alpha_x = 0.5, .alpha_y = 2, .rho = 0.7, .slope_x = 0.1, .slope_y = -0.2},
+        .table = table};
     facet_brdf *brdf = NULL;
     m.fresnel.channels = 1;
     CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
@@ -273,8 +291,10 @@ TEST(all_normals_are_those_of_the_source)
         for (int j = 0; j < 3; j++) o[j][k] = scene.wo[j];
     }
     draw(&scene, FACET_SAMPLER_NDF, u1, u2, QUANTILES, h, wi, pdf);
-    CHECK_INT(facet_pdf(brdf, FACET_PRECISE, FACET_SAMPLER_NDF, (facet_vec3_in){wi[0], wi[1], wi[2]},
-                        (facet_vec3_in){o[0], o[1], o[2]}, QUANTILES, again), FACET_OK);
+    CHECK_INT(facet_pdf(brdf, FACET_PRECISE, FACET_SAMPLER_NDF,
+                        (facet_vec3_in){wi[0], wi[1], wi[2]}, (facet_vec3_in){o[0], o[1], o[2]},
+                        QUANTILES, again),
+              FACET_OK);
     for (int k = 0; k < QUANTILES; k++) {
         double slope[2], dot = 0;
         slopes_of(&scene, (double[3]){h[0][k], h[1][k], h[2][k]}, slope);
@@ -330,22 +350,27 @@ TEST(any_table_any_view_any_u)
             if (rng_uniform(&rng) < 0.2) wo[2] = -wo[2];
             for (int j = 0; j < 3; j++) o[j][k] = k < 2 ? (j == 2) * (k ? -1 : 1) : wo[j];
             for (int j = 0; j < 2; j++)
-                u[j][k] = rng_uniform(&rng) < 0.5 ? rng_uniform(&rng) : ends[(size_t)(rng_uniform(&rng) * 5)];
+                u[j][k] = rng_uniform(&rng) < 0.5 ? rng_uniform(&rng)
+                                                  : ends[(size_t)(rng_uniform(&rng) * 5)];
         }
         facet_sampler sampler = rng_uniform(&rng) < 0.8 ? FACET_SAMPLER_TABLE : FACET_SAMPLER_NDF;
         facet_samples out = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {weight}, pdf};
         if (brdf)
-            CHECK_INT(facet_sample(brdf, FACET_PRECISE, sampler, (facet_vec3_in){o[0], o[1], o[2]}, u[0], u[1], N, &out),
+            CHECK_INT(facet_sample(brdf, FACET_PRECISE, sampler, (facet_vec3_in){o[0], o[1], o[2]},
+                                   u[0], u[1], N, &out),
                       FACET_OK);
         for (int k = 0; k < N && brdf; k++) {
             double size = 0, wo = 0;
             for (int j = 0; j < 3; j++) size += wi[j][k] * wi[j][k], wo += o[j][k] * o[j][k];
-            bool good = fabs(size / wo - 1) < 1e-9 && h[2][k] >= 0 && pdf[k] >= 0 && pdf[k] <= DBL_MAX && weight[k] >= 0 &&
-                        weight[k] <= DBL_MAX && (wi[2][k] > 0 || weight[k] == 0);
+            bool good = fabs(size / wo - 1) < 1e-9 && h[2][k] >= 0 && pdf[k] >= 0 &&
+                        pdf[k] <= DBL_MAX && weight[k] >= 0 && weight[k] <= DBL_MAX &&
+                        (wi[2][k] > 0 || weight[k] == 0);
             if (!good)
-                check_fail(__FILE__, __LINE__, "%s: wi (%g, %g, %g) h_z %g pdf %g weight %g from wo (%.17g, %.17g, %.17g) u (%.17g, %.17g) scale %g: %s",
-                           facet_sampler_name(sampler), wi[0][k], wi[1][k], wi[2][k], h[2][k], pdf[k], weight[k], o[0][k], o[1][k],
-                           o[2][k], u[0][k], u[1][k], scale, draw_text(&m));
+                check_fail(
+                    __FILE__, __LINE__,
+                    "%s: wi (%g, %g, %g) h_z %g pdf %g weight %g from wo (%.17g, %.17g, %.17g) u (%.17g, %.17g) scale %g: %s",
+                    facet_sampler_name(sampler), wi[0][k], wi[1][k], wi[2][k], h[2][k], pdf[k],
+                    weight[k], o[0][k], o[1][k], o[2][k], u[0][k], u[1][k], scale, draw_text(&m));
         }
         facet_brdf_destroy(brdf);
         facet_slope_table_destroy(table);

@@ -134,8 +134,8 @@ TEST(tables_answer_as_their_source)
             }
             double peak = 1 / (m[0].roughness.alpha_x * m[0].roughness.alpha_y);
             for (size_t k = 0; k < N; k++) {
-                double c =
-                    o[2][k] - o[0][k] * m[0].roughness.slope_x - o[1][k] * m[0].roughness.slope_y;
+                double c = o[2][k] - o[0][k] * m[0].roughness.slope_x -
+                           o[1][k] * m[0].roughness.slope_y;
                 if (y[0][FACET_D][k] > 1e-4 * peak)
                     CHECK_REL(y[1][FACET_D][k], y[0][FACET_D][k], 1e-6, 0);
                 if (c > 0) CHECK_REL(y[1][FACET_SIGMA_O][k], y[0][FACET_SIGMA_O][k], 1e-6, 0);

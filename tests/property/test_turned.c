@@ -66,7 +66,7 @@ static facet_brdf *surface(facet_ndf ndf, const facet_slope_table *table, facet_
 }
 
 static const facet_roughness ellipse = {.alpha_x = .4, .alpha_y = .1, .rho = .5},
-                              even = {.alpha_x = 1, .alpha_y = 1};
+                             even = {.alpha_x = 1, .alpha_y = 1};
 
 enum { PAIRS = 4000 };
 struct pairs {
@@ -369,9 +369,9 @@ TEST(samples_have_the_density_that_is_answered)
 {
     static const double views[][3] = {{0, 0, 1}, {.6, 0, .8}, {-.48, .8, .36}, {.28, .959, .043}};
     for (int source = 0; source < 3; source++) {
-        facet_slope_table *table =
-            source == 2 ? rough_table(0.2)
-                        : table_of(source ? FACET_BECKMANN : FACET_GGX, &ellipse, 91, 45);
+        facet_slope_table *table = source == 2 ? rough_table(0.2)
+                                               : table_of(source ? FACET_BECKMANN : FACET_GGX,
+                                                          &ellipse, 91, 45);
         facet_brdf *brdf = table ? surface(FACET_TABULATED, table, even) : NULL;
         for (int v = 0; v < 5 && brdf; v++) {
             struct scene scene = {

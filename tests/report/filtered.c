@@ -12,7 +12,8 @@ facet_leadr *filtered_pyramid(const struct relief *r, enum way way)
     return facet_leadr_create(&map, &o, NULL, NULL, &leadr) == FACET_OK ? leadr : NULL;
 }
 
-facet_moments filtered_texel(const facet_leadr *leadr, enum way way, size_t level, size_t p, size_t q)
+facet_moments filtered_texel(const facet_leadr *leadr, enum way way, size_t level, size_t p,
+                             size_t q)
 {
     const facet_leadr_level *l = facet_leadr_level_at(leadr, level);
     float v[FACET_PLANES_MAX] = {0};
@@ -22,7 +23,8 @@ facet_moments filtered_texel(const facet_leadr *leadr, enum way way, size_t leve
     return facet_moments_of_texel(v, FACET_CENTRED, way == WAY_CLEAN ? FACET_CLEAN : FACET_LEADR);
 }
 
-void filtered_shade(const facet_moments *m, double base_alpha, const double (*wi)[3], const double (*wo)[3], size_t n, double *out)
+void filtered_shade(const facet_moments *m, double base_alpha, const double (*wi)[3],
+                    const double (*wo)[3], size_t n, double *out)
 {
     const facet_roughness below = {.alpha_x = base_alpha, .alpha_y = base_alpha};
     const facet_moments base = facet_moments_from_roughness(&below),

@@ -186,8 +186,8 @@ void relief_radiance(const struct relief *r, const struct base *base, double x, 
         for (size_t v = 0; v < view_count; v++) {
             const size_t i = views[v].i, o = views[v].o;
             if (!seen[i] || !seen[o]) continue;
-            radiance[v] +=
-                base->f(base->data, local[i], local[o]) * local[i][2] * local[o][2] * tall;
+            radiance[v] += base->f(base->data, local[i], local[o]) * local[i][2] * local[o][2] *
+                           tall;
         }
     }
     for (size_t v = 0; v < view_count; v++) {

@@ -79,7 +79,8 @@ enum { INSTANCES = 8, LAST = 4096 };
 static const double furnace_theta[] = {0, 1, 1.5};
 
 /* Running means of 8 instances at 1, 2, .. samples (about 12 to an octave); the rms error at LAST. */
-static double furnace(FILE *csv, const struct surface *s, const struct method *m, const double o[3], double exact)
+static double furnace(FILE *csv, const struct surface *s, const struct method *m, const double o[3],
+                      double exact)
 {
     double square = 0;
     for (int instance = 0; instance < INSTANCES; instance++) {
@@ -115,15 +116,18 @@ static void write_observations(FILE *md, double ratio[4][ALPHAS][3])
             if (a > 0) least = fmin(least, fmin(ratio[k][a][1], ratio[k][a][2]));
             rising += ratio[k][a][2] > ratio[k][a][1];
         }
-    fprintf(md, "\n| the paper's section 1 | measured | |\n|---|---|---|\n"
-                "| at theta = 0 both techniques are equivalent | ratios from %.2f to %.2f: they sample one distribution, and eight "
-                "instances tell their error to a quarter | %s |\n"
-                "| visible normals are more efficient for theta > 1 | the least ratio at theta 1 and 1.5, alpha 0.4 and 1: %.2f; "
-                "at theta 1.5 more than at 1 in %d of 12 | %s |\n"
-                "| the rougher, the better | at theta 1.5, Smith Beckmann: %.2f, %.2f, %.2f for alpha 0.1, 0.4, 1 | %s |\n",
-            low, high, low > 0.4 && high < 2.5 ? "match" : "DIFFERS", least, rising, least > 1 ? "match" : "DIFFERS",
-            ratio[0][0][2], ratio[0][1][2], ratio[0][2][2],
-            ratio[0][2][2] > ratio[0][0][2] ? "match" : "holds up to the noise of eight instances only");
+    fprintf(
+        md,
+        "\n| the paper's section 1 | measured | |\n|---|---|---|\n"
+        "| at theta = 0 both techniques are equivalent | ratios from %.2f to %.2f: they sample one distribution, and eight "
+        "instances tell their error to a quarter | %s |\n"
+        "| visible normals are more efficient for theta > 1 | the least ratio at theta 1 and 1.5, alpha 0.4 and 1: %.2f; "
+        "at theta 1.5 more than at 1 in %d of 12 | %s |\n"
+        "| the rougher, the better | at theta 1.5, Smith Beckmann: %.2f, %.2f, %.2f for alpha 0.1, 0.4, 1 | %s |\n",
+        low, high, low > 0.4 && high < 2.5 ? "match" : "DIFFERS", least, rising,
+        least > 1 ? "match" : "DIFFERS", ratio[0][0][2], ratio[0][1][2], ratio[0][2][2],
+        ratio[0][2][2] > ratio[0][0][2] ? "match"
+                                        : "holds up to the noise of eight instances only");
 }
 
 static void write_furnace(FILE *md)
@@ -131,15 +135,20 @@ static void write_furnace(FILE *md)
     static const struct {
         const char *name;
         int ndf, masking, visible;
-    } models[] = {{"Smith, Beckmann", 1, 0, SLOPE_BECKMANN}, {"Smith, GGX", 0, 0, CAPS},
-                  {"V-cavity, Beckmann", 1, 1, VCAVITY_METHOD}, {"V-cavity, GGX", 0, 1, VCAVITY_METHOD}};
-    fprintf(md, "## White furnace: old against visible normals\n\n"
-                "Root mean square error of eight instances after %d samples, relative to the exact albedo "
-                "(quadrature, 1e-9). The pictures furnace-* show the eight instances themselves. Which alpha and theta "
-                "the paper's tables have is not in its text; it says that theta = 0 is equivalent and that theta > 1 "
-                "is where visible normals win.\n\n"
-                "| model | alpha | theta (rad) | albedo | ndf | visible normals | ndf / visible |\n"
-                "|---|---|---|---|---|---|---|\n", LAST);
+    } models[] = {{"Smith, Beckmann", 1, 0, SLOPE_BECKMANN},
+                  {"Smith, GGX", 0, 0, CAPS},
+                  {"V-cavity, Beckmann", 1, 1, VCAVITY_METHOD},
+                  {"V-cavity, GGX", 0, 1, VCAVITY_METHOD}};
+    fprintf(
+        md,
+        "## White furnace: old against visible normals\n\n"
+        "Root mean square error of eight instances after %d samples, relative to the exact albedo "
+        "(quadrature, 1e-9). The pictures furnace-* show the eight instances themselves. Which alpha and theta "
+        "the paper's tables have is not in its text; it says that theta = 0 is equivalent and that theta > 1 "
+        "is where visible normals win.\n\n"
+        "| model | alpha | theta (rad) | albedo | ndf | visible normals | ndf / visible |\n"
+        "|---|---|---|---|---|---|---|\n",
+        LAST);
     FILE *truth = open_file("furnace-exact.csv");
     double ratio[4][ALPHAS][3];
     for (int k = 0; k < 4; k++)
@@ -152,7 +161,8 @@ static void write_furnace(FILE *md)
                 fprintf(truth, "%d %d %d %.9f\n", k, a, t, exact);
                 for (int visible = 0; visible < 2; visible++) {
                     char name[64];
-                    snprintf(name, sizeof name, "furnace-%d-%d-%d-%s.csv", k, a, t, visible ? "visible" : "ndf");
+                    snprintf(name, sizeof name, "furnace-%d-%d-%d-%s.csv", k, a, t,
+                             visible ? "visible" : "ndf");
                     FILE *csv = open_file(name);
                     fprintf(csv, "instance,samples,mean\n");
                     const struct method *m = &methods[visible ? models[k].visible : NDF];
@@ -160,8 +170,8 @@ static void write_furnace(FILE *md)
                     fclose(csv);
                 }
                 ratio[k][a][t] = rms[1] > 0 ? rms[0] / rms[1] : 1; /* neither errs */
-                fprintf(md, "| %s | %g | %g | %.6f | %.5f | %.5f | %.2f |\n", models[k].name, alphas[a],
-                        furnace_theta[t], exact, rms[0], rms[1], ratio[k][a][t]);
+                fprintf(md, "| %s | %g | %g | %.6f | %.5f | %.5f | %.2f |\n", models[k].name,
+                        alphas[a], furnace_theta[t], exact, rms[0], rms[1], ratio[k][a][t]);
             }
     fclose(truth);
     write_observations(md, ratio);
@@ -201,7 +211,8 @@ static double time_of(const struct surface *s, const struct method *m, const dou
     return best;
 }
 
-static struct statistics measure(const struct surface *s, const struct method *m, const double o[3], double exact)
+static struct statistics measure(const struct surface *s, const struct method *m, const double o[3],
+                                 double exact)
 {
     enum { SAMPLES = 100000 };
     struct statistics of = {0, 0, 0, 0};
@@ -230,20 +241,23 @@ static const double noted[ALPHAS][4][3] = {
     {{50, 0, 50}, {33, 0, 50}, {6.6, 0, 50}, {1.7, 0, 50}},
 };
 
-static void row(FILE *csv, const struct surface *s, const struct method *m, double degrees, struct statistics *of)
+static void row(FILE *csv, const struct surface *s, const struct method *m, double degrees,
+                struct statistics *of)
 {
     double o[3];
     direction(degrees / DEGREES, o);
     *of = measure(s, m, o, exact_albedo(s, o));
-    fprintf(csv, "%s,%s,%g,%g,%.6g,%.6g,%.6g,%.4g,%.6g\n", m->name, s->ndf == GGX ? "ggx" : "beckmann",
-            s->alpha_x, degrees, of->wasted, of->mean, of->variance, of->ns,
-            1e3 / (of->variance * of->ns));
+    fprintf(csv, "%s,%s,%g,%g,%.6g,%.6g,%.6g,%.4g,%.6g\n", m->name,
+            s->ndf == GGX ? "ggx" : "beckmann", s->alpha_x, degrees, of->wasted, of->mean,
+            of->variance, of->ns, 1e3 / (of->variance * of->ns));
 }
 
 static void write_waste(FILE *md)
 {
-    fprintf(md, "\n## Wasted samples, %%\n\nGGX, Smith; in brackets what an earlier prototype of the project found.\n\n"
-                "| alpha | theta | caps, slope (visible normals) | bounded | ndf |\n|---|---|---|---|---|\n");
+    fprintf(
+        md,
+        "\n## Wasted samples, %%\n\nGGX, Smith; in brackets what an earlier prototype of the project found.\n\n"
+        "| alpha | theta | caps, slope (visible normals) | bounded | ndf |\n|---|---|---|---|---|\n");
     FILE *csv = open_file("waste-table.csv");
     double worst = 0;
     fprintf(csv, "method,ndf,alpha,theta,wasted,mean,variance,ns,efficiency\n");
@@ -259,14 +273,20 @@ static void write_waste(FILE *md)
                 bool is_slip = a == 0 && t == 0 && k == 0;
                 /* In units of the last digit noted, for the notes are rounded. */
                 double digit = noted[a][t][k] >= 10 ? 1 : noted[a][t][k] >= 0.1 ? 0.1 : 0.01;
-                if (!is_slip) worst = fmax(worst, fabs(100 * of.wasted - noted[a][t][k]) / (noted[a][t][k] == 1 || noted[a][t][k] == 0 ? 1 : digit));
+                if (!is_slip)
+                    worst = fmax(worst,
+                                 fabs(100 * of.wasted - noted[a][t][k]) /
+                                     (noted[a][t][k] == 1 || noted[a][t][k] == 0 ? 1 : digit));
             }
             fprintf(md, "\n");
         }
     fclose(csv);
-    fprintf(md, "\nThe others are within %.2f of the last digit noted: %s.\n", worst, worst < 1.5 ? "match" : "DIFFERS");
-    fprintf(md, "\nOne number differs: at alpha 0.1 from above the notes have 0 for visible normals and 1 for ndf. The two "
-                "methods are the same distribution there, so both waste alpha^2/(1 + alpha^2) = 0.99 %%: the 0 is a slip.\n");
+    fprintf(md, "\nThe others are within %.2f of the last digit noted: %s.\n", worst,
+            worst < 1.5 ? "match" : "DIFFERS");
+    fprintf(
+        md,
+        "\nOne number differs: at alpha 0.1 from above the notes have 0 for visible normals and 1 for ndf. The two "
+        "methods are the same distribution there, so both waste alpha^2/(1 + alpha^2) = 0.99 %%: the 0 is a slip.\n");
 }
 
 /* Curves over theta for the pictures: a file per distribution, alpha and method. */
@@ -292,9 +312,11 @@ static void write_curves(void)
 
 static void write_efficiency(FILE *md)
 {
-    fprintf(md, "\n## Relative variance and efficiency\n\nOf one sample of the white furnace, Smith. Efficiency is 1/(variance x time) "
-                "in scalar double code, relative to ndf of the same row; ns are of this machine in this run.\n\n"
-                "| ndf | alpha | theta | method | wasted %% | variance | ns | efficiency |\n|---|---|---|---|---|---|---|---|\n");
+    fprintf(
+        md,
+        "\n## Relative variance and efficiency\n\nOf one sample of the white furnace, Smith. Efficiency is 1/(variance x time) "
+        "in scalar double code, relative to ndf of the same row; ns are of this machine in this run.\n\n"
+        "| ndf | alpha | theta | method | wasted %% | variance | ns | efficiency |\n|---|---|---|---|---|---|---|---|\n");
     FILE *csv = open_file("efficiency-table.csv");
     fprintf(csv, "method,ndf,alpha,theta,wasted,mean,variance,ns,efficiency\n");
     for (int ndf = 0; ndf < 2; ndf++)
@@ -309,8 +331,10 @@ static void write_efficiency(FILE *md)
                     row(csv, &s, m, waste_theta[t], &of);
                     double efficiency = 1 / (of.variance * of.ns);
                     if (k == NDF) base = efficiency;
-                    fprintf(md, "| %s | %g | %g | %s | %.3g | %.4g | %.0f | %.3g |\n", ndf ? "Beckmann" : "GGX", alphas[a],
-                            waste_theta[t], m->name, 100 * of.wasted, of.variance, of.ns, of.variance > 0 ? efficiency / base : 1);
+                    fprintf(md, "| %s | %g | %g | %s | %.3g | %.4g | %.0f | %.3g |\n",
+                            ndf ? "Beckmann" : "GGX", alphas[a], waste_theta[t], m->name,
+                            100 * of.wasted, of.variance, of.ns,
+                            of.variance > 0 ? efficiency / base : 1);
                 }
             }
     fclose(csv);
@@ -325,14 +349,17 @@ static const struct lib_row {
     facet_sampler plain, other;
     int plain_method, other_method;
 } lib_rows[] = {
-    {"GGX, Smith", FACET_GGX, FACET_SMITH, FACET_SAMPLER_CAPS, FACET_SAMPLER_BOUNDED, CAPS, BOUNDED},
-    {"GGX, V-cavity", FACET_GGX, FACET_VGROOVE, FACET_SAMPLER_CAPS, FACET_SAMPLER_VCAVITY, CAPS, VCAVITY_METHOD},
-    {"Beckmann, V-cavity", FACET_BECKMANN, FACET_VGROOVE, FACET_SAMPLER_SLOPE, FACET_SAMPLER_VCAVITY, SLOPE_BECKMANN,
+    {"GGX, Smith", FACET_GGX, FACET_SMITH, FACET_SAMPLER_CAPS, FACET_SAMPLER_BOUNDED, CAPS,
+     BOUNDED},
+    {"GGX, V-cavity", FACET_GGX, FACET_VGROOVE, FACET_SAMPLER_CAPS, FACET_SAMPLER_VCAVITY, CAPS,
      VCAVITY_METHOD},
+    {"Beckmann, V-cavity", FACET_BECKMANN, FACET_VGROOVE, FACET_SAMPLER_SLOPE,
+     FACET_SAMPLER_VCAVITY, SLOPE_BECKMANN, VCAVITY_METHOD},
 };
 
 /* Relative variance of the weights of the library's sampler, and its nanoseconds on floats. */
-static double library_variance(const facet_material *m, facet_sampler method, const double o[3], double exact, double *ns)
+static double library_variance(const facet_material *m, facet_sampler method, const double o[3],
+                               double exact, double *ns)
 {
     enum { N = 4096, ROUNDS = 24 };
     static float wo[3][N], u[2][N], wi[3][N], weight[N];
@@ -350,7 +377,8 @@ static double library_variance(const facet_material *m, facet_sampler method, co
         }
         facet_samples_float out = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight, NULL, NULL}};
         double start = now_ns();
-        facet_sample_float(brdf, FACET_FAST, method, (facet_vec3_in_float){wo[0], wo[1], wo[2]}, u[0], u[1], N, &out);
+        facet_sample_float(brdf, FACET_FAST, method, (facet_vec3_in_float){wo[0], wo[1], wo[2]},
+                           u[0], u[1], N, &out);
         *ns = fmin(*ns, (now_ns() - start) / N);
         for (int k = 0; k < N; k++) sum += pow(weight[k] / exact - 1, 2);
     }
@@ -362,15 +390,21 @@ static void write_library(FILE *md)
 {
     static const double some[] = {0.01, 0.1, 0.4, 1, 2};
     int rows = 0, better = 0, above = 0;
-    fprintf(md, "\n## Which sampler: the service's own kernels\n\nFloat, %s, sample and weight. Efficiency is 1/(variance x time) of the "
-                "second method over that of the first, which is what `auto` stands for.\n\n"
-                "| model | alpha | theta | methods | variance | | ns | | efficiency |\n|---|---|---|---|---|---|---|---|---|\n", facet_isa());
+    fprintf(
+        md,
+        "\n## Which sampler: the service's own kernels\n\nFloat, %s, sample and weight. Efficiency is 1/(variance x time) of the "
+        "second method over that of the first, which is what `auto` stands for.\n\n"
+        "| model | alpha | theta | methods | variance | | ns | | efficiency |\n|---|---|---|---|---|---|---|---|---|\n",
+        facet_isa());
     for (size_t k = 0; k < sizeof lib_rows / sizeof *lib_rows; k++)
         for (int a = 0; a < 5; a++)
             for (int t = 0; t < 4; t++) {
                 const struct lib_row *r = &lib_rows[k];
-                struct surface s = surface_of(r->ndf == FACET_BECKMANN, r->masking == FACET_VGROOVE, some[a]);
-                facet_material m = {.ndf = r->ndf, .masking = r->masking, .fresnel = {.channels = 1},
+                struct surface s = surface_of(r->ndf == FACET_BECKMANN, r->masking == FACET_VGROOVE,
+                                              some[a]);
+                facet_material m = {.ndf = r->ndf,
+                                    .masking = r->masking,
+                                    .fresnel = {.channels = 1},
                                     .roughness = {.alpha_x = some[a], .alpha_y = some[a]}};
                 double o[3], ns[2], variance[2];
                 direction(waste_theta[t] / DEGREES, o);
@@ -380,10 +414,14 @@ static void write_library(FILE *md)
                 if (variance[1] < 1e-9) continue; /* the rounding of floats */
                 double gain = variance[0] * ns[0] / (variance[1] * ns[1]);
                 rows++, better += gain > 1, above += k == 0 && variance[1] > variance[0];
-                fprintf(md, "| %s | %g | %g | %s, %s | %.3g | %.3g | %.2f | %.2f | %.3g |\n", r->name, some[a], waste_theta[t],
-                        facet_sampler_name(r->plain), facet_sampler_name(r->other), variance[0], variance[1], ns[0], ns[1], gain);
+                fprintf(md, "| %s | %g | %g | %s, %s | %.3g | %.3g | %.2f | %.2f | %.3g |\n",
+                        r->name, some[a], waste_theta[t], facet_sampler_name(r->plain),
+                        facet_sampler_name(r->other), variance[0], variance[1], ns[0], ns[1], gain);
             }
-    fprintf(md, "\nThe second is worth more in %d rows of %d; bounded has a variance above that of caps in %d.\n", better, rows, above);
+    fprintf(
+        md,
+        "\nThe second is worth more in %d rows of %d; bounded has a variance above that of caps in %d.\n",
+        better, rows, above);
 }
 
 /* Nanoseconds of fr and the sampler's pdf of a pair, floats, over the whole hemisphere. */
@@ -398,7 +436,8 @@ static double time_of_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler
     for (int k = 0; k < 2 * N; k++) {
         double z = uniform(&state), phi = 2 * PI * uniform(&state), s = sqrt((1 - z) * (1 + z));
         float(*v)[N] = d + (k < N ? 0 : 3);
-        v[0][k % N] = (float)(s * cos(phi)), v[1][k % N] = (float)(s * sin(phi)), v[2][k % N] = (float)z;
+        v[0][k % N] = (float)(s * cos(phi)), v[1][k % N] = (float)(s * sin(phi)),
+                 v[2][k % N] = (float)z;
     }
     if (method == FACET_SAMPLER_AUTO) out.of[FACET_PDF][0] = pdf;
     for (int round = 0; round < ROUNDS; round++) {
@@ -413,11 +452,15 @@ static double time_of_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler
 /* What whoever mixes samples of f with samples of lights pays for the better sampler. */
 static void write_price(FILE *md)
 {
-    fprintf(md, "\n### What the density of the better sampler costs\n\nGGX, Smith, alpha 0.3: fr and pdf of a pair, ns; in brackets the bound "
-                "of the pdf. That of `auto` "
-                "shares a loop with fr, and in fast it meets the default tolerance of 1e-6, which the other leaves to exact32: "
-                "so `auto` keeps the plain density, and the better sampler is had by its name.\n\n| tier | caps (`auto`) | bounded | |\n|---|---|---|---|\n");
-    facet_material m = {.ndf = FACET_GGX, .fresnel = {.channels = 1}, .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}};
+    fprintf(
+        md,
+        "\n### What the density of the better sampler costs\n\nGGX, Smith, alpha 0.3: fr and pdf of a pair, ns; in brackets the bound "
+        "of the pdf. That of `auto` "
+        "shares a loop with fr, and in fast it meets the default tolerance of 1e-6, which the other leaves to exact32: "
+        "so `auto` keeps the plain density, and the better sampler is had by its name.\n\n| tier | caps (`auto`) | bounded | |\n|---|---|---|---|\n");
+    facet_material m = {.ndf = FACET_GGX,
+                        .fresnel = {.channels = 1},
+                        .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}};
     facet_brdf *brdf = NULL;
     if (facet_brdf_create(&m, &brdf)) return;
     for (int t = FACET_DRAFT; t <= FACET_EXACT32; t++) {
@@ -427,7 +470,8 @@ static void write_price(FILE *md)
             ns[k] = time_of_pdf(brdf, (facet_tier)t, method);
             facet_pdf_bound_float(brdf, (facet_tier)t, method, 0, &bound[k]);
         }
-        fprintf(md, "| %s | %.2f (%.2g) | %.2f (%.2g) | %.1f× |\n", facet_tier_name((facet_tier)t), ns[0], bound[0], ns[1], bound[1], ns[1] / ns[0]);
+        fprintf(md, "| %s | %.2f (%.2g) | %.2f (%.2g) | %.1f× |\n", facet_tier_name((facet_tier)t),
+                ns[0], bound[0], ns[1], bound[1], ns[1] / ns[0]);
     }
     facet_brdf_destroy(brdf);
 }
@@ -439,14 +483,17 @@ static void write_horizon(FILE *md)
     enum { PAIRS = 300000 };
     static const double degrees[] = {85.94366926962348, 45};
     long disagreements = 0;
-    fprintf(md, "\n## The post's samples below the horizon are real\n\n"
-                "A visible normal may reflect wo below the macrosurface: the reflected ray would hit the surface "
-                "again. It is no rounding error: each sample of `caps` is classified in double and once more in "
-                "quadruple precision from the same u, %d samples a row. No exact visible-normal sampler can avoid "
-                "them; `bounded` cuts most of them away because it knows where they lie, and changes the pdf for it. "
-                "The largest possible theta_i is pi - theta_o, 135 degrees at 45: the \"3 pi / 4\" of the post.\n\n"
-                "| theta_o | alpha | below the horizon %% | largest theta_i | pi - theta_o | bounded: below %% | double and quad disagree |\n"
-                "|---|---|---|---|---|---|---|\n", PAIRS);
+    fprintf(
+        md,
+        "\n## The post's samples below the horizon are real\n\n"
+        "A visible normal may reflect wo below the macrosurface: the reflected ray would hit the surface "
+        "again. It is no rounding error: each sample of `caps` is classified in double and once more in "
+        "quadruple precision from the same u, %d samples a row. No exact visible-normal sampler can avoid "
+        "them; `bounded` cuts most of them away because it knows where they lie, and changes the pdf for it. "
+        "The largest possible theta_i is pi - theta_o, 135 degrees at 45: the \"3 pi / 4\" of the post.\n\n"
+        "| theta_o | alpha | below the horizon %% | largest theta_i | pi - theta_o | bounded: below %% | double and quad disagree |\n"
+        "|---|---|---|---|---|---|---|\n",
+        PAIRS);
     for (int t = 0; t < 2; t++)
         for (int a = 0; a < ALPHAS; a++) {
             struct surface s = surface_of(0, 0, alphas[a]);
@@ -460,13 +507,15 @@ static void write_horizon(FILE *md)
                 sample_caps(&s, o, u1, u2, &sample);
                 below += sample.wi[2] <= 0;
                 lowest = fmin(lowest, sample.wi[2]);
-                differ += (sample.wi[2] <= 0) != (caps_cosine_quad(s.alpha_x, o[2], o[0], u1, u2) <= 0);
+                differ += (sample.wi[2] <= 0) !=
+                          (caps_cosine_quad(s.alpha_x, o[2], o[0], u1, u2) <= 0);
                 sample_bounded(&s, o, u1, u2, &sample);
                 still += sample.wi[2] <= 0;
             }
             disagreements += differ;
-            fprintf(md, "| %.2f | %g | %.2f | %.2f | %.2f | %.2f | %ld |\n", degrees[t], s.alpha_x, 100.0 * (double)below / PAIRS,
-                    acos(lowest) * DEGREES, 180 - degrees[t], 100.0 * (double)still / PAIRS, differ);
+            fprintf(md, "| %.2f | %g | %.2f | %.2f | %.2f | %.2f | %ld |\n", degrees[t], s.alpha_x,
+                    100.0 * (double)below / PAIRS, acos(lowest) * DEGREES, 180 - degrees[t],
+                    100.0 * (double)still / PAIRS, differ);
         }
     fprintf(md, "\nDisagreements in all: %ld of %d.\n", disagreements, 2 * ALPHAS * PAIRS);
 }
@@ -479,7 +528,9 @@ int main(int argc, char **argv)
     }
     directory = argv[1];
     FILE *md = open_file("report.md");
-    fprintf(md, "# Samplers: what each is worth\n\nMade by `make report`; scalar double code of tests/report; of the service its albedo, and its kernels where that is said.\n\n");
+    fprintf(
+        md,
+        "# Samplers: what each is worth\n\nMade by `make report`; scalar double code of tests/report; of the service its albedo, and its kernels where that is said.\n\n");
     write_furnace(md);
     write_waste(md);
     write_efficiency(md);
@@ -487,8 +538,13 @@ int main(int argc, char **argv)
     write_price(md);
     write_horizon(md);
     fprintf(md, "\n## Pictures\n\n");
-    static const char *const pictures[] = {"furnace-smith-beckmann", "furnace-smith-ggx", "furnace-vcavity-beckmann",
-                                           "furnace-vcavity-ggx", "waste", "variance", "efficiency"};
+    static const char *const pictures[] = {"furnace-smith-beckmann",
+                                           "furnace-smith-ggx",
+                                           "furnace-vcavity-beckmann",
+                                           "furnace-vcavity-ggx",
+                                           "waste",
+                                           "variance",
+                                           "efficiency"};
     for (size_t i = 0; i < sizeof pictures / sizeof *pictures; i++)
         fprintf(md, "![%s](%s.png)\n([svg](%s.svg))\n\n", pictures[i], pictures[i], pictures[i]);
     write_curves();

@@ -149,8 +149,8 @@ static json_t *ask_json(const char *path, const char *query, const void *body, s
         .method = "POST", .path = path, .query = query, .body = body, .body_size = size};
     struct api_response response;
     api_handle(&request, &response);
-    json_t *json =
-        response.status == 200 ? json_loadb(response.body, response.body_size, 0, NULL) : NULL;
+    json_t *json = response.status == 200 ? json_loadb(response.body, response.body_size, 0, NULL)
+                                          : NULL;
     if (!json) fprintf(stderr, "%s: %d\n", path, response.status);
     api_response_clear(&response);
     return json;
@@ -165,11 +165,11 @@ static bool eval_with_base(const json_t *fitted, const facet_moments *m, double 
         json_array_append_new(wi, json_pack("[f,f,f]", i[0], i[1], i[2]));
         json_array_append_new(wo, json_pack("[f,f,f]", o[0], o[1], o[2]));
     }
-    json_t *request =
-        json_pack("{s:{s:s,s:[f,f,f,f,f],s:{s:O},s:O},s:[s],s:o,s:o}", "material", "ndf",
-                  "beckmann", "moments", m->e1, m->e2, m->e3, m->e4, m->e5, "base", "alpha",
-                  json_object_get(fitted, "alpha"), "fresnel", json_object_get(fitted, "fresnel"),
-                  "outputs", "fr_cos", "wi", wi, "wo", wo);
+    json_t *request = json_pack("{s:{s:s,s:[f,f,f,f,f],s:{s:O},s:O},s:[s],s:o,s:o}", "material",
+                                "ndf", "beckmann", "moments", m->e1, m->e2, m->e3, m->e4, m->e5,
+                                "base", "alpha", json_object_get(fitted, "alpha"), "fresnel",
+                                json_object_get(fitted, "fresnel"), "outputs", "fr_cos", "wi", wi,
+                                "wo", wo);
     char *text = request ? json_dumps(request, 0) : NULL;
     json_t *answer = text ? ask_json("/v1/eval", NULL, text, strlen(text)) : NULL;
     const json_t *values = json_object_get(answer, "fr_cos");
@@ -267,7 +267,8 @@ static void look(const struct relief *r, double alpha, size_t level,
         panel[0][y][x] = truth;
         for (int w = 0; w < 3; w++) {
             const enum way way = w == 0 ? WAY_BILINEAR : w == 1 ? WAY_CLEAN : WAY_NORMAL;
-            const facet_moments m = filtered_texel(way == WAY_CLEAN ? clean : leadr, way, level, p, q);
+            const facet_moments m = filtered_texel(way == WAY_CLEAN ? clean : leadr, way, level, p,
+                                                   q);
             filtered_shade(&m, alpha, (const double(*)[3])k[0], (const double(*)[3])k[1], 1, &got);
             panel[1 + w][y][x] = got;
             if (w == 0) panel[4][y][x] = 4 * fabs(got - truth);
@@ -390,7 +391,8 @@ static double kurtosis(const struct relief *r, size_t step)
         }
     const double m = sum[1] / sum[0], m2 = sum[2] / sum[0], m3 = sum[3] / sum[0];
     const double variance = m2 - m * m;
-    return (sum[4] / sum[0] - 4 * m * m3 + 6 * m * m * m2 - 3 * m * m * m * m) / (variance * variance);
+    return (sum[4] / sum[0] - 4 * m * m3 + 6 * m * m * m2 - 3 * m * m * m * m) /
+           (variance * variance);
 }
 
 static void report(FILE *out, const char *folder)
@@ -419,11 +421,12 @@ static void report(FILE *out, const char *folder)
     if (relief_measured(&r, check_data("heights/microsurface/interferometer_matrix2.pfm"),
                         3.69862e-07, SIDE, 1)) {
         compare(out, "measured", &r, 0.1, totals);
-        fprintf(out,
-                "\nThe measured surface fits no stencil: the kurtosis of its slopes is %.0f along x "
-                "and %.0f along y, a Gaussian's is 3. Half of it is far smoother than its variance "
-                "says, which is all that moments keep.\n",
-                kurtosis(&r, 1), kurtosis(&r, r.side));
+        fprintf(
+            out,
+            "\nThe measured surface fits no stencil: the kurtosis of its slopes is %.0f along x "
+            "and %.0f along y, a Gaussian's is 3. Half of it is far smoother than its variance "
+            "says, which is all that moments keep.\n",
+            kurtosis(&r, 1), kurtosis(&r, r.side));
     }
     fprintf(out, "\n## On a measured base\n\nThe base is a measured material; the service fits "
                  "its roughness and Fresnel term, and adds the roughness to the moments.\n\n"

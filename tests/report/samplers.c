@@ -28,7 +28,8 @@ static double tangent(const struct surface *s, const double k[3])
 static double area(const struct surface *s, const double k[3])
 {
     double t = tangent(s, k), c = k[2];
-    if (s->ndf == GGX) return c >= 0 ? (c + length_of(t, c)) / 2 : t * t / (2 * (length_of(t, c) - c));
+    if (s->ndf == GGX)
+        return c >= 0 ? (c + length_of(t, c)) / 2 : t * t / (2 * (length_of(t, c) - c));
     if (t == 0) return fmax(c, 0);
     double v = c / t;
     return c * erfc(-v) / 2 + t * exp(-v * v) / (2 * sqrt(PI));
@@ -43,7 +44,8 @@ static double normals(const struct surface *s, const double h[3])
 }
 
 /* fr cos theta_i / D: what sampling leaves as the weight. */
-static double fr_cos_over_d(const struct surface *s, const double i[3], const double o[3], const double h[3])
+static double fr_cos_over_d(const struct surface *s, const double i[3], const double o[3],
+                            const double h[3])
 {
     if (i[2] <= 0 || o[2] <= 0) return 0;
     if (s->masking == V_CAVITY) {
@@ -78,7 +80,8 @@ static void finish(const struct surface *s, const double o[3], const double norm
 static void draw_normal(const struct surface *s, double u1, double u2, double h[3])
 {
     double r = s->ndf == GGX ? sqrt(u1 / (1 - u1)) : sqrt(-log1p(-u1)), phi = 2 * PI * u2;
-    double x = s->alpha_x * r * cos(phi), y = s->alpha_y * r * sin(phi), length = sqrt(1 + x * x + y * y);
+    double x = s->alpha_x * r * cos(phi), y = s->alpha_y * r * sin(phi),
+           length = sqrt(1 + x * x + y * y);
     h[0] = -x / length;
     h[1] = -y / length;
     h[2] = 1 / length;
@@ -89,14 +92,16 @@ double sample_pdf(const struct surface *s, const struct sample *sample)
     return sample->pdf_over_d * normals(s, sample->h);
 }
 
-void sample_ndf(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
+void sample_ndf(const struct surface *s, const double o[3], double u1, double u2,
+                struct sample *out)
 {
     double h[3];
     draw_normal(s, u1, u2, h);
     finish(s, o, h, h[2] / (4 * fabs(dot(o, h))), out);
 }
 
-void sample_vcavity(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
+void sample_vcavity(const struct surface *s, const double o[3], double u1, double u2,
+                    struct sample *out)
 {
     double h[3];
     draw_normal(s, u1, u2, h);
@@ -119,7 +124,8 @@ static void unstretch(const struct surface *s, const double m[3], double h[3])
 }
 
 /* A point of the spherical cap of directions whose cosine exceeds -least, plus k. */
-static void draw_cap(const struct surface *s, const double o[3], double u1, double u2, double share, double h[3])
+static void draw_cap(const struct surface *s, const double o[3], double u1, double u2, double share,
+                     double h[3])
 {
     double k[3] = {s->alpha_x * o[0], s->alpha_y * o[1], o[2]}, r = sqrt(dot(k, k));
     for (int j = 0; j < 3; j++) k[j] /= r;
@@ -130,7 +136,8 @@ static void draw_cap(const struct surface *s, const double o[3], double u1, doub
     unstretch(s, m, h);
 }
 
-void sample_caps(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
+void sample_caps(const struct surface *s, const double o[3], double u1, double u2,
+                 struct sample *out)
 {
     double h[3];
     draw_cap(s, o, u1, u2, 1, h);
@@ -149,7 +156,8 @@ static double cap_share(const struct surface *s, const double o[3])
     return (1 - a * a) * q * q / (q * q + a * a * o[2] * o[2]);
 }
 
-void sample_bounded(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
+void sample_bounded(const struct surface *s, const double o[3], double u1, double u2,
+                    struct sample *out)
 {
     double h[3], share = cap_share(s, o);
     draw_cap(s, o, u1, u2, share, h);
@@ -159,9 +167,11 @@ void sample_bounded(const struct surface *s, const double o[3], double u1, doubl
 /* ---- Slopes ------------------------------------------------------------------------------ */
 
 /* Slope x along wo's tangent and y across, of the standard surface. */
-static void from_slopes(const struct surface *s, const double o[3], double x, double y, struct sample *out)
+static void from_slopes(const struct surface *s, const double o[3], double x, double y,
+                        struct sample *out)
 {
-    double t = tangent(s, o), c = t > 0 ? s->alpha_x * o[0] / t : 1, d = t > 0 ? s->alpha_y * o[1] / t : 0;
+    double t = tangent(s, o), c = t > 0 ? s->alpha_x * o[0] / t : 1,
+           d = t > 0 ? s->alpha_y * o[1] / t : 0;
     double h[3] = {-s->alpha_x * (x * c - y * d), -s->alpha_y * (x * d + y * c), 1};
     finish(s, o, h, 1 / (4 * area(s, o)), out);
 }
@@ -183,7 +193,8 @@ static double ggx_across(double u)
 }
 
 /* tan of asin(u (1 + c) - c) - theta: the singularity at A^2 = 1 of the printed root is gone. */
-void sample_slope_ggx(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
+void sample_slope_ggx(const struct surface *s, const double o[3], double u1, double u2,
+                      struct sample *out)
 {
     double t = tangent(s, o), r = length_of(t, o[2]), c = o[2] / r;
     double x = tan(asin(fmin(fmax(u1 * (1 + c) - c, -1), 1)) - acos(fmin(c, 1)));
@@ -198,7 +209,8 @@ static double invert_gauss(double v, double u)
     double g = isinf(v) ? 1 : 2 / (1 + erf(v) + exp(-v * v) / (v * sqrt(PI)));
     for (int step = 0; step < 100; step++) {
         double e = exp(-x * x), tail = isinf(v) ? 0 : e / (2 * sqrt(PI) * v);
-        double f = g * (erfc(-x) / 2 + tail) - u, slope = g * (isinf(v) ? 1 : 1 - x / v) * e / sqrt(PI);
+        double f = g * (erfc(-x) / 2 + tail) - u,
+               slope = g * (isinf(v) ? 1 : 1 - x / v) * e / sqrt(PI);
         *(f > 0 ? &high : &low) = x;
         double next = x - f / slope;
         if (!(next > low && next < high)) next = 0.5 * (low + high);
@@ -209,7 +221,8 @@ static double invert_gauss(double v, double u)
     return x;
 }
 
-void sample_slope_beckmann(const struct surface *s, const double o[3], double u1, double u2, struct sample *out)
+void sample_slope_beckmann(const struct surface *s, const double o[3], double u1, double u2,
+                           struct sample *out)
 {
     double t = tangent(s, o), v = t > 0 ? o[2] / t : INFINITY;
     from_slopes(s, o, invert_gauss(v, u1), invert_gauss(INFINITY, u2), out);
@@ -229,8 +242,10 @@ const struct method methods[METHOD_COUNT] = {
 double caps_cosine_quad(double alpha, double cos_theta_o, double sin_theta_o, double u1, double u2)
 {
     typedef __float128 quad;
-    quad a = alpha, x = a * sin_theta_o, z = cos_theta_o, r = sqrtq(x * x + z * z), turn = 2 * M_PIq * (quad)u1;
-    quad kx = x / r, kz = z / r, t = (1 - (quad)u2) * (1 + kz) - kz, sine = sqrtq((1 - t) * (1 + t));
+    quad a = alpha, x = a * sin_theta_o, z = cos_theta_o, r = sqrtq(x * x + z * z),
+         turn = 2 * M_PIq * (quad)u1;
+    quad kx = x / r, kz = z / r, t = (1 - (quad)u2) * (1 + kz) - kz,
+         sine = sqrtq((1 - t) * (1 + t));
     quad hx = a * (sine * cosq(turn) + kx), hy = a * sine * sinq(turn), hz = t + kz;
     quad along = (hx * sin_theta_o + hz * z) / (hx * hx + hy * hy + hz * hz);
     quad cosine = 2 * along * hz - z;

@@ -22,18 +22,18 @@ double sample_pdf(const struct surface *surface, const struct sample *sample);
 typedef void sampler(const struct surface *surface, const double wo[3], double u1, double u2,
                      struct sample *sample);
 
-sampler sample_ndf;            /* Walter et al. 2007: all normals, seen or not */
-sampler sample_caps;           /* Dupuy & Benyoub 2023; GGX */
-sampler sample_bounded;        /* Eto & Tokuyoshi 2023; GGX, below the horizon as little as a cap can */
-sampler sample_slope_ggx;      /* Heitz & d'Eon 2014, quantiles exact */
+sampler sample_ndf;       /* Walter et al. 2007: all normals, seen or not */
+sampler sample_caps;      /* Dupuy & Benyoub 2023; GGX */
+sampler sample_bounded;   /* Eto & Tokuyoshi 2023; GGX, below the horizon as little as a cap can */
+sampler sample_slope_ggx; /* Heitz & d'Eon 2014, quantiles exact */
 sampler sample_slope_beckmann; /* the same for Beckmann, CDF inverted by Newton's method */
 sampler sample_vcavity;        /* Heitz & d'Eon 2014, algorithm 3: visible normals of V-cavities */
 
 struct method {
     const char *name;
     sampler *sample;
-    int ndf;       /* the distribution it is for; -1: both */
-    int masking;   /* the masking it samples exactly; -1: none */
+    int ndf;     /* the distribution it is for; -1: both */
+    int masking; /* the masking it samples exactly; -1: none */
 };
 extern const struct method methods[];
 enum { METHOD_COUNT = 6 };

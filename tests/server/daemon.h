@@ -10,7 +10,7 @@ struct daemon {
     pid_t pid;
     int port;
     int admin_port; /* of --admin 127.0.0.1:0; else 0 */
-    char log[64]; /* file with its stderr */
+    char log[64];   /* file with its stderr */
 };
 
 enum { ANSWER_BODY_MAX = 1 << 16 };

@@ -71,9 +71,12 @@ static void add_llhttp(const char *name, const char *text, size_t size)
         for (; end && at < end; at++) {
             static const char escapes[] = "r\rn\nt\tf\f";
             const char *escape = *at == '\\' ? strchr(escapes, at[1]) : NULL;
-            if (escape && at[1]) sent[used++] = escape[1], at++;
-            else if (*at == '\n') memcpy(sent + used, "\r\n", 2), used += 2;
-            else sent[used++] = *at;
+            if (escape && at[1])
+                sent[used++] = escape[1], at++;
+            else if (*at == '\n')
+                memcpy(sent + used, "\r\n", 2), used += 2;
+            else
+                sent[used++] = *at;
         }
         add(name, sent, used);
     }

@@ -46,12 +46,14 @@ TEST(idle_it_holds_at_most_20_mb)
 static int ask_a_million(const struct daemon *daemon)
 {
     enum { COUNT = 1000000 };
-    static const char head[] = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":[",
+    static const char head[] =
+        "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":[",
                       one[] = "[0,0,1],", last[] = "[0,0,1]]}";
     char *body = malloc(sizeof head + COUNT * (sizeof one - 1) + sizeof last), *at = body;
     if (!body) return 0;
     at = (char *)memcpy(at, head, sizeof head - 1) + sizeof head - 1;
-    for (int i = 0; i < COUNT - 1; i++) at = (char *)memcpy(at, one, sizeof one - 1) + sizeof one - 1;
+    for (int i = 0; i < COUNT - 1; i++)
+        at = (char *)memcpy(at, one, sizeof one - 1) + sizeof one - 1;
     at = (char *)memcpy(at, last, sizeof last - 1) + sizeof last - 1;
     CHECK(daemon_ask(daemon, "POST", "/v1/eval", "Content-Type: application/json\r\n", body,
                      (size_t)(at - body), &answer));
@@ -78,7 +80,8 @@ TEST(what_a_large_request_took_is_given_back)
     check_note("kib_before", (double)before);
     check_note("kib_peak", (double)peak);
     check_note("kib_after", (double)memory_kib(&daemon, "RssAnon"));
-    CHECK(before > 0 && peak > before + 16 * 1024 && peak < 64 * 1024); /* there was something to give back */
+    CHECK(before > 0 && peak > before + 16 * 1024 &&
+          peak < 64 * 1024); /* there was something to give back */
     CHECK(memory_kib(&daemon, "RssAnon") <= before + SPARE_KIB);
     CHECK_INT(daemon_stop(&daemon), 0);
 }
@@ -96,7 +99,8 @@ TEST(capabilities_tell_the_limits_of_the_options)
     CHECK(strstr(answer.body, "{\"name\":\"target\",\"value\":8000,"));
     CHECK(!strstr(answer.body, "\"port\""));
     /* Rough dielectrics of analytic distributions alone. */
-    CHECK(strstr(answer.body, "\"ndf\":\"tabulated\"") && strstr(answer.body, "\"transmission\":true"));
+    CHECK(strstr(answer.body, "\"ndf\":\"tabulated\"") &&
+          strstr(answer.body, "\"transmission\":true"));
     const char *tabulated = strstr(answer.body, "\"ndf\":\"tabulated\"");
     const char *its = tabulated ? strstr(tabulated, "\"transmission\":") : NULL;
     CHECK(its && strncmp(its, "\"transmission\":false", 20) == 0);
@@ -116,8 +120,9 @@ TEST(capabilities_tell_the_limits_of_the_options)
 TEST(a_large_answer_takes_little_memory)
 {
     enum { LIMIT_KIB = 14 * 1024 };
-    static const char body[] = "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"dtype\":\"float64\","
-                               "\"wi\":{\"grid\":{\"theta\":1000,\"phi\":2000}}}";
+    static const char body[] =
+        "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"dtype\":\"float64\","
+        "\"wi\":{\"grid\":{\"theta\":1000,\"phi\":2000}}}";
     static const char *const accept[] = {"", "Accept: application/octet-stream\r\n"};
     struct daemon daemon;
     if (SANITIZED) {

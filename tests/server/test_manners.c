@@ -23,8 +23,8 @@ static void check_token(const struct daemon *daemon)
     CHECK_STR(answer_header(&answer, "WWW-Authenticate"), "Bearer realm=\"facetd\"");
     CHECK_INT(status_of(daemon, "/v1/document", "Authorization: Bearer s3cret\r\n"), 200);
     CHECK_INT(status_of(daemon, "/v1/document", "Authorization: bearer s3cret\r\n"), 200);
-    static const char *const wrong[] = {"Bearer s3cre", "Bearer s3crett", "Bearer ",
-                                        "Bearer S3cret", "Basic s3cret",  "s3cret"};
+    static const char *const wrong[] = {"Bearer s3cre",  "Bearer s3crett", "Bearer ",
+                                        "Bearer S3cret", "Basic s3cret",   "s3cret"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         char header[64];
         snprintf(header, sizeof header, "Authorization: %s\r\n", wrong[i]);
@@ -67,7 +67,8 @@ TEST(an_upload_without_the_token_is_not_read)
     struct daemon daemon;
     if (!daemon_start(&daemon, FAKE, FLAGS("--token", "s3cret"))) return;
     int fd = daemon_connect(&daemon);
-    CHECK(daemon_send(fd, "POST /spin?ms=1 HTTP/1.1\r\nHost: x\r\nContent-Length: 9000000\r\n\r\n"));
+    CHECK(
+        daemon_send(fd, "POST /spin?ms=1 HTTP/1.1\r\nHost: x\r\nContent-Length: 9000000\r\n\r\n"));
     CHECK(daemon_read(fd, &answer));
     CHECK_INT(answer.status, 401);
     CHECK(daemon_ends(fd, 5000));
@@ -92,7 +93,8 @@ TEST(documents_have_tags_and_are_not_sent_twice)
         if (status_of(&daemon, "/v1/document", header) != 304)
             check_fail(__FILE__, __LINE__, "%s gives %d", list, answer.status);
         CHECK_STR(answer_header(&answer, "ETag"), tag);
-        CHECK(!answer_header(&answer, "Content-Encoding") && !answer_header(&answer, "Content-Type"));
+        CHECK(!answer_header(&answer, "Content-Encoding") &&
+              !answer_header(&answer, "Content-Type"));
         CHECK_STR(answer_header(&answer, "Vary"), "Accept-Encoding");
         CHECK_INT(answer.body_size, 0);
     }
@@ -123,12 +125,12 @@ TEST(a_304_leaves_the_connection_in_order)
 TEST(traceparent_is_echoed_if_it_is_one)
 {
     static const char good[] = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
-    static const char *const bad[] = {
-        "00-00000000000000000000000000000000-00f067aa0ba902b7-01",
-        "00-4bf92f3577b34da6a3ce929d0e0e4736-0000000000000000-01",
-        "00-4BF92F3577B34DA6A3CE929D0E0E4736-00f067aa0ba902b7-01",
-        "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-0",
-        "ff-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01", "x"};
+    static const char *const bad[] = {"00-00000000000000000000000000000000-00f067aa0ba902b7-01",
+                                      "00-4bf92f3577b34da6a3ce929d0e0e4736-0000000000000000-01",
+                                      "00-4BF92F3577B34DA6A3CE929D0E0E4736-00f067aa0ba902b7-01",
+                                      "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-0",
+                                      "ff-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+                                      "x"};
     struct daemon daemon;
     char header[128];
     size_t size;

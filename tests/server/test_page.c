@@ -11,7 +11,8 @@
 
 static struct answer answer; /* large; each test fills it anew */
 
-static int status_of(const struct daemon *daemon, const char *method, const char *path, const char *headers)
+static int status_of(const struct daemon *daemon, const char *method, const char *path,
+                     const char *headers)
 {
     return daemon_ask(daemon, method, path, headers, NULL, 0, &answer) ? answer.status : 0;
 }
@@ -51,9 +52,10 @@ TEST(the_page_comes_gzipped_to_who_takes_it)
     static const struct {
         const char *accepted;
         bool packed;
-    } cases[] = {{"gzip", true},          {"deflate, gzip;q=0.5", true}, {"GZIP", true}, {"br, *", true},
-                 {"gzip;q=0", false},     {"gzip ; q=0.0, *", false},    {"br", false},  {"", false},
-                 {"*;q=0", false},        {"xgzip, gzipx", false},       {"*;q=0, gzip", true}};
+    } cases[] = {
+        {"gzip", true},      {"deflate, gzip;q=0.5", true}, {"GZIP", true},       {"br, *", true},
+        {"gzip;q=0", false}, {"gzip ; q=0.0, *", false},    {"br", false},        {"", false},
+        {"*;q=0", false},    {"xgzip, gzipx", false},       {"*;q=0, gzip", true}};
     struct daemon daemon;
     if (!daemon_start(&daemon, FACETD, NULL)) return;
     CHECK_INT(status_of(&daemon, "GET", "/page/main.js", ""), 200);
@@ -61,9 +63,11 @@ TEST(the_page_comes_gzipped_to_who_takes_it)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char line[64];
         snprintf(line, sizeof line, "Accept-Encoding: %s\r\n", cases[i].accepted);
-        bool packed = status_of(&daemon, "GET", "/page/main.js", line) == 200 && !strcmp(header("Content-Encoding"), "gzip");
+        bool packed = status_of(&daemon, "GET", "/page/main.js", line) == 200 &&
+                      !strcmp(header("Content-Encoding"), "gzip");
         if (packed != cases[i].packed) check_fail(__FILE__, __LINE__, "\"%s\"", cases[i].accepted);
-        CHECK(packed ? answer.body_size < plain && !memcmp(answer.body, "\x1f\x8b", 2) : answer.body_size == plain);
+        CHECK(packed ? answer.body_size < plain && !memcmp(answer.body, "\x1f\x8b", 2)
+                     : answer.body_size == plain);
     }
     CHECK_INT(daemon_stop(&daemon), 0);
 }
@@ -82,7 +86,8 @@ TEST(each_form_of_a_file_has_its_tag)
     CHECK_INT(status_of(&daemon, "GET", "/", line), 304);
     CHECK_INT(answer.body_size, 0);
     CHECK_STR(header("ETag"), packed);
-    CHECK(strstr(header("Content-Security-Policy"), "'self'")); /* RFC 9110 section 15.4.5 lets it come along */
+    CHECK(strstr(header("Content-Security-Policy"),
+                 "'self'")); /* RFC 9110 section 15.4.5 lets it come along */
     snprintf(line, sizeof line, "If-None-Match: %s\r\n", packed);
     CHECK_INT(status_of(&daemon, "GET", "/", line), 200);
     CHECK_INT(daemon_stop(&daemon), 0);
@@ -96,10 +101,12 @@ TEST(head_is_the_page_without_its_bytes)
     if (!daemon_start(&daemon, FAKE, NULL)) return;
     int fd = daemon_connect(&daemon);
     CHECK(daemon_send(fd, "HEAD / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"));
-    for (ssize_t got; n + 1 < sizeof text && (got = read(fd, text + n, sizeof text - 1 - n)) > 0;) n += (size_t)got;
+    for (ssize_t got; n + 1 < sizeof text && (got = read(fd, text + n, sizeof text - 1 - n)) > 0;)
+        n += (size_t)got;
     close(fd);
     CHECK(!strncmp(text, "HTTP/1.1 200 ", 13));
-    CHECK(strstr(text, "\r\nETag: \"") && strstr(text, "\r\nContent-Length: ") && !strstr(text, "Content-Length: 0"));
+    CHECK(strstr(text, "\r\nETag: \"") && strstr(text, "\r\nContent-Length: ") &&
+          !strstr(text, "Content-Length: 0"));
     CHECK(n > 4 && !strcmp(text + n - 4, "\r\n\r\n"));
     CHECK_INT(daemon_stop(&daemon), 0);
 }
@@ -155,7 +162,8 @@ TEST(the_admin_listener_has_no_page)
 {
     struct daemon daemon;
     if (!daemon_start(&daemon, FAKE, FLAGS("--admin", "127.0.0.1:0"))) return;
-    CHECK(daemon_ask_over(daemon_connect_port(daemon.admin_port), "GET / HTTP/1.1\r\nHost: x\r\n\r\n", &answer));
+    CHECK(daemon_ask_over(daemon_connect_port(daemon.admin_port),
+                          "GET / HTTP/1.1\r\nHost: x\r\n\r\n", &answer));
     CHECK_INT(answer.status, 404);
     CHECK_INT(daemon_stop(&daemon), 0);
 }

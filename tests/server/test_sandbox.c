@@ -51,7 +51,8 @@ TEST(what_serving_does_not_need_is_refused)
     CHECK_STR(answer.body, "open write socket fork mmap access ");
     CHECK_INT(daemon_stop(&daemon), 0);
 
-    if (!daemon_start(&daemon, FAKE, FLAGS("--sandbox=on", "--admin", "127.0.0.1:0", "--workers=2")))
+    if (!daemon_start(&daemon, FAKE,
+                      FLAGS("--sandbox=on", "--admin", "127.0.0.1:0", "--workers=2")))
         return;
     CHECK(daemon_get(&daemon, "/forbidden", &answer));
     CHECK_STR(answer.body, "");
@@ -69,9 +70,11 @@ static int urgent_threads(const struct daemon *daemon)
     snprintf(path, sizeof path, "/proc/%ld/task", (long)daemon->pid);
     DIR *dir = opendir(path);
     for (struct dirent *e; dir && (e = readdir(dir));) {
-        uint64_t attributes[6] = {0}; /* struct sched_attr, version 0: the fourth is sched_runtime */
+        uint64_t attributes[6] = {
+            0}; /* struct sched_attr, version 0: the fourth is sched_runtime */
         long tid = strtol(e->d_name, NULL, 10);
-        if (tid > 0 && !syscall(SYS_sched_getattr, tid, attributes, sizeof attributes, 0)) found += attributes[3] == URGENT_SLICE_NS;
+        if (tid > 0 && !syscall(SYS_sched_getattr, tid, attributes, sizeof attributes, 0))
+            found += attributes[3] == URGENT_SLICE_NS;
     }
     if (dir) closedir(dir);
     return found;

@@ -20,8 +20,8 @@ static inline struct answer ask_with(struct api_request request)
     static bool is_open;
     if (!is_open) is_open = api_open();
     api_handle(&request, &answer.response);
-    answer.json =
-        json_loadb(answer.response.body, answer.response.body_size, JSON_REJECT_DUPLICATES, NULL);
+    answer.json = json_loadb(answer.response.body, answer.response.body_size,
+                             JSON_REJECT_DUPLICATES, NULL);
     return answer;
 }
 

@@ -72,7 +72,8 @@ static facet_status evaluate_closed(const void *user, facet_vec3_in wi, facet_ve
                 fr[c][k] += s->noise * fr[c][k] * gauss(s, i, o, c) +
                             s->noise_floor * peak * gauss(s, i, o, c + 3);
             }
-            if (s->outliers > 0 && erfc(fabs(gauss(s, i, o, 6)) / sqrt(2)) < s->outliers) fr[c][k] *= 100;
+            if (s->outliers > 0 && erfc(fabs(gauss(s, i, o, 6)) / sqrt(2)) < s->outliers)
+                fr[c][k] *= 100;
         }
         valid[k] = true;
     }
@@ -83,4 +84,3 @@ facet_fit_source closed_source(const struct closed *closed)
 {
     return (facet_fit_source){evaluate_closed, closed, INFINITY, false, NULL};
 }
-

@@ -84,7 +84,8 @@ void draw_fresnel(struct rng *rng, facet_fresnel_kind kind, facet_fresnel *f)
     for (int j = 0; j < 3; j++) {
         double special[] = {0, 1, 1e-6, 0.04};
         f->f0[j] = draw_int(rng, 2) ? rng_uniform(rng) : special[draw_int(rng, 4)];
-        double low = draw_int(rng, 3) ? 0.3 : FACET_ETA_MIN, high = draw_int(rng, 3) ? 4 : FACET_ETA_MAX;
+        double low = draw_int(rng, 3) ? 0.3 : FACET_ETA_MIN,
+               high = draw_int(rng, 3) ? 4 : FACET_ETA_MAX;
         f->eta[j] = rng_log(rng, low, high);
         if (!draw_int(rng, 8)) f->eta[j] = draw_near_one(rng, 1e-9, 1e-1);
         f->eta[j] = fmin(fmax(f->eta[j], FACET_ETA_MIN), FACET_ETA_MAX);
@@ -167,28 +168,20 @@ static void draw_kind(struct rng *rng, int kind, const struct draw_domain *domai
     switch (kind) {
     case 0:
     case 1:
-    case 2:
-        mirror(rng, r, wo, wi);
-        break;
+    case 2: mirror(rng, r, wo, wi); break;
     case 3: /* pole */
         phi = 6 * rng_uniform(rng);
         from_polar(1 - rng_log(rng, 1e-20, 1e-2), phi, wo);
         mirror(rng, r, wo, wi);
         break;
-    case 4:
-        at_difference(rng, 1 - rng_log(rng, 1e-20, 1e-2), wo, wi);
-        break; /* nearly equal */
-    case 5:    /* nearly opposite in azimuth */
+    case 4: at_difference(rng, 1 - rng_log(rng, 1e-20, 1e-2), wo, wi); break; /* nearly equal */
+    case 5: /* nearly opposite in azimuth */
         for (int j = 0; j < 3; j++) wi[j] = (j < 2 ? -1 : 1) * wo[j];
         which = draw_int(rng, 3);
         wi[which] *= 1 - rng_log(rng, 1e-16, 1e-2);
         break;
-    case 6:
-        edge(rng, r, wi);
-        break;
-    case 7:
-        edge(rng, r, wo);
-        break;
+    case 6: edge(rng, r, wi); break;
+    case 7: edge(rng, r, wo); break;
     case 8: /* around total reflection */
         if (material->fresnel.eta[0] < 1) {
             double c = sqrt((1 - material->fresnel.eta[0]) * (1 + material->fresnel.eta[0]));
@@ -198,8 +191,7 @@ static void draw_kind(struct rng *rng, int kind, const struct draw_domain *domai
     case 9: /* below */
         if (domain->below) (draw_int(rng, 2) ? wi : wo)[2] *= -1;
         break;
-    default:
-        break;
+    default: break;
     }
 }
 

@@ -37,7 +37,8 @@ void form_add_npy(struct form *form, const char *name, const float *values, size
     memset(npy, ' ', 128);
     memcpy(npy, "\x93NUMPY\1\0\x76\0", 10);
     snprintf(shape, sizeof shape, columns ? "(%zu, %zu)" : "(%zu,)", n, columns);
-    int length = snprintf(npy + 10, 118, "{'descr': '<f4', 'fortran_order': False, 'shape': %s, }", shape);
+    int length = snprintf(npy + 10, 118, "{'descr': '<f4', 'fortran_order': False, 'shape': %s, }",
+                          shape);
     npy[10 + length] = ' ';
     npy[127] = '\n';
     memcpy(npy + 128, values, size - 128);

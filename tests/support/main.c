@@ -9,9 +9,15 @@
 
 enum { TESTS_MAX = 256, NOTES_MAX = 128 };
 
-static struct { const char *name; check_fn *fn; } tests[TESTS_MAX];
+static struct {
+    const char *name;
+    check_fn *fn;
+} tests[TESTS_MAX];
 static size_t test_count;
-static struct { char name[48]; double value; } notes[NOTES_MAX];
+static struct {
+    char name[48];
+    double value;
+} notes[NOTES_MAX];
 static size_t note_count;
 static int failures;
 static const char *skipped;
@@ -115,8 +121,11 @@ int main(int argc, char **argv)
         note_count = 0;
         tests[i].fn();
         if (failures > 10) printf("  ... %d failed checks in all\n", failures);
-        printf("%s %s/%s%s%s", failures ? "FAIL" : skipped ? "skip" : "ok", program, tests[i].name,
-               isa ? " " : "", isa ? isa : "");
+        printf("%s %s/%s%s%s",
+               failures  ? "FAIL"
+               : skipped ? "skip"
+                         : "ok",
+               program, tests[i].name, isa ? " " : "", isa ? isa : "");
         if (skipped && !failures) printf(": %s", skipped);
         for (size_t k = 0; k < note_count; k++) printf(" %s=%.3g", notes[k].name, notes[k].value);
         putchar('\n');

@@ -24,7 +24,8 @@ struct normals_map normals_map(const facet_material *m, const double wo[3])
         map.low = -acos(-1) / 2;
         map.high = atan(v);
     } else {
-        map.low = v < 0 ? -sqrt(v * v + NORMALS_BECKMANN_END * NORMALS_BECKMANN_END) : -NORMALS_BECKMANN_END;
+        map.low = v < 0 ? -sqrt(v * v + NORMALS_BECKMANN_END * NORMALS_BECKMANN_END)
+                        : -NORMALS_BECKMANN_END;
         map.high = fmin(v, NORMALS_BECKMANN_END);
     }
     return map;

@@ -22,8 +22,7 @@ void reader_direction(double theta, double phi, double v[3])
     v[0] = sin(theta) * cos(phi), v[1] = sin(theta) * sin(phi), v[2] = cos(theta);
 }
 
-bool reader_ask(const facet_fit_source *source, const double i[3], const double o[3],
-                    double rgb[3])
+bool reader_ask(const facet_fit_source *source, const double i[3], const double o[3], double rgb[3])
 {
     double *const fr[3] = {rgb, rgb + 1, rgb + 2};
     bool valid = false;

@@ -16,7 +16,8 @@ static void find_beginnings(struct square *s)
     const struct normals_map *map = &s->map;
     const double pi = acos(-1);
     for (int k = 0; k < 16; k++) {
-        double part = (k + 1.0) / SQUARE_SIDE, p = map->low + (map->high - map->low) * part, turn = 2 * pi * part;
+        double part = (k + 1.0) / SQUARE_SIDE, p = map->low + (map->high - map->low) * part,
+               turn = 2 * pi * part;
         s->p_at[k] = s->q_at[k] = INFINITY;
         if (k >= SQUARE_SIDE - 1) continue;
         if (s->sampler == FACET_SAMPLER_COSINE) {
@@ -49,7 +50,8 @@ double square_direction(const struct square *s, double p, double q, double wi[3]
         return acos(-1) / wi[2];
     }
     struct normals_node node = normals_at(&s->map, p, q);
-    double dot = s->is_all ? s->wo[0] * node.h[0] + s->wo[1] * node.h[1] + s->wo[2] * node.h[2] : node.cosine;
+    double dot = s->is_all ? s->wo[0] * node.h[0] + s->wo[1] * node.h[1] + s->wo[2] * node.h[2]
+                           : node.cosine;
     for (int j = 0; j < 3; j++) wi[j] = 2 * dot * node.h[j] - s->wo[j];
     return 4 * fabs(dot) * node.area;
 }
@@ -68,17 +70,20 @@ static void count_normals(const struct square *s, size_t n, double *const wi[3],
 {
     const struct normals_map *map = &s->map;
     const facet_roughness *r = &map->roughness;
-    const double kappa = sqrt((1 - r->rho) * (1 + r->rho)), per_x = 1 / r->alpha_x, per_y = 1 / (r->alpha_y * kappa);
+    const double kappa = sqrt((1 - r->rho) * (1 + r->rho)), per_x = 1 / r->alpha_x,
+                 per_y = 1 / (r->alpha_y * kappa);
     const double tilt = r->rho / kappa, end = NORMALS_BECKMANN_END;
     const double most = map->ggx ? tan(map->high) : map->high;
     for (size_t k = 0; k < n; k++) {
         double v[3];
         for (int j = 0; j < 3; j++) v[j] = h ? h[j][k] : wi[j][k] + s->wo[j];
         double up = s->is_all && !h ? fabs(v[2]) : v[2], inverse = -1 / v[2];
-        double sx = (v[0] * inverse - r->slope_x) * per_x, sy = (v[1] * inverse - r->slope_y) * per_y - tilt * sx;
+        double sx = (v[0] * inverse - r->slope_x) * per_x,
+               sy = (v[1] * inverse - r->slope_y) * per_y - tilt * sx;
         double x = sx * map->cosine + sy * map->sine, y = sy * map->cosine - sx * map->sine;
         bool is_in = up > 0 && x < most && (map->ggx || (x >= map->low && fabs(y) < end));
-        size_t cell = slot_of(s->p_at, x) * SQUARE_SIDE + slot_of(s->q_at, map->ggx ? y / sqrt(1 + x * x) : y);
+        size_t cell = slot_of(s->p_at, x) * SQUARE_SIDE +
+                      slot_of(s->q_at, map->ggx ? y / sqrt(1 + x * x) : y);
         counts[is_in ? cell : SQUARE_CELLS]++;
     }
 }

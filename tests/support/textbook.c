@@ -12,7 +12,8 @@ struct textbook_stretched textbook_stretch(const facet_roughness *r, const doubl
 {
     double a = r->alpha_x * k[0] + r->rho * r->alpha_y * k[1];
     double b = r->alpha_y * sqrt(1 - r->rho * r->rho) * k[1];
-    return (struct textbook_stretched){k[2] - k[0] * r->slope_x - k[1] * r->slope_y, sqrt(a * a + b * b)};
+    return (struct textbook_stretched){k[2] - k[0] * r->slope_x - k[1] * r->slope_y,
+                                       sqrt(a * a + b * b)};
 }
 
 double textbook_area(facet_ndf ndf, struct textbook_stretched k)
@@ -39,7 +40,9 @@ static double fresnel(const facet_fresnel *f, double c)
     if (f->kind == FACET_FRESNEL_TABLE) {
         for (size_t i = 1; i < f->count; i++) {
             double x0 = f->cos_theta_d[i - 1], x1 = f->cos_theta_d[i], t = (c - x0) / (x1 - x0);
-            if (c <= x1) return c <= x0 ? f->values[0][i - 1] : f->values[0][i - 1] * (1 - t) + f->values[0][i] * t;
+            if (c <= x1)
+                return c <= x0 ? f->values[0][i - 1]
+                               : f->values[0][i - 1] * (1 - t) + f->values[0][i] * t;
         }
         return f->values[0][f->count - 1];
     }
@@ -54,15 +57,18 @@ static double fresnel(const facet_fresnel *f, double c)
 static double fr_cos(const facet_material *m, const double i[3], const double o[3])
 {
     double H[3] = {i[0] + o[0], i[1] + o[1], i[2] + o[2]};
-    struct textbook_stretched ki = textbook_stretch(&m->roughness, i), ko = textbook_stretch(&m->roughness, o);
+    struct textbook_stretched ki = textbook_stretch(&m->roughness, i),
+                              ko = textbook_stretch(&m->roughness, o);
     if (i[2] <= 0 || H[2] <= 0) return 0;
-    double length = sqrt(H[0] * H[0] + H[1] * H[1] + H[2] * H[2]), cd = length / 2, hz = H[2] / length;
+    double length = sqrt(H[0] * H[0] + H[1] * H[1] + H[2] * H[2]), cd = length / 2,
+           hz = H[2] / length;
     double fd = fresnel(&m->fresnel, cd) * textbook_density(m->ndf, &m->roughness, H);
     if (m->masking == FACET_NONE) return fd * hz / (4 * cd);
     if (ki.c <= 0) return 0;
     double si = textbook_area(m->ndf, ki), so = textbook_area(m->ndf, ko);
     if (m->masking == FACET_SMITH_UNCORRELATED) return fd * ki.c / (4 * si * so);
-    if (m->masking == FACET_SMITH) return fd * ki.c / (4 * (so * ki.c + (si - ki.c) * fmax(ko.c, 0)));
+    if (m->masking == FACET_SMITH)
+        return fd * ki.c / (4 * (so * ki.c + (si - ki.c) * fmax(ko.c, 0)));
     if (ko.c <= 0) return 0;
     return fd * fmin(1, fmin(2 * hz * ki.c / cd, 2 * hz * ko.c / cd)) / (4 * ko.c);
 }
@@ -78,7 +84,8 @@ double textbook_piece(textbook_function *f, void *user, double a, double b)
     return sum * (b - a);
 }
 
-static double recurse(textbook_function *f, void *user, double a, double b, double whole, double error, int depth)
+static double recurse(textbook_function *f, void *user, double a, double b, double whole,
+                      double error, int depth)
 {
     double middle = a + (b - a) / 2;
     double left = textbook_piece(f, user, a, middle), right = textbook_piece(f, user, middle, b);
@@ -103,7 +110,8 @@ struct reference {
 static void turn(const struct reference *r, double phi, double i[3])
 {
     double s = sin(r->angle), c = cos(r->angle);
-    for (int k = 0; k < 3; k++) i[k] = c * r->o[k] + s * (cos(phi) * r->up[k] + sin(phi) * r->side[k]);
+    for (int k = 0; k < 3; k++)
+        i[k] = c * r->o[k] + s * (cos(phi) * r->up[k] + sin(phi) * r->side[k]);
 }
 
 static double at_azimuth(void *user, double phi)
@@ -120,7 +128,8 @@ static double bend(const struct reference *r, double phi, int which)
 {
     double i[3];
     turn(r, phi, i);
-    struct textbook_stretched ki = textbook_stretch(&r->m->roughness, i), ko = textbook_stretch(&r->m->roughness, r->o);
+    struct textbook_stretched ki = textbook_stretch(&r->m->roughness, i),
+                              ko = textbook_stretch(&r->m->roughness, r->o);
     double half = 4 * (i[2] + r->o[2]), h2 = 2 + 2 * cos(r->angle);
     const double of[BENDS] = {ki.c, ki.c - ko.c, half * ki.c - h2, half * ko.c - h2};
     return of[which];
@@ -134,7 +143,8 @@ static double smooth_pieces(struct reference *r, double a, double b, double erro
     cuts[n++] = a;
     for (int j = 0; j < SCAN; j++)
         for (int which = 0; which < last && n < ROOM - 2; which++) {
-            double low = a + (b - a) * j / SCAN, high = a + (b - a) * (j + 1) / SCAN, sign = bend(r, low, which);
+            double low = a + (b - a) * j / SCAN, high = a + (b - a) * (j + 1) / SCAN,
+                   sign = bend(r, low, which);
             if (sign * bend(r, high, which) >= 0) continue;
             for (int step = 0; step < 50; step++) {
                 double middle = 0.5 * (low + high);
@@ -145,7 +155,8 @@ static double smooth_pieces(struct reference *r, double a, double b, double erro
             cuts[at] = low;
         }
     cuts[n++] = b;
-    for (int j = 1; j < n; j++) sum += textbook_integral(at_azimuth, r, cuts[j - 1], cuts[j], error);
+    for (int j = 1; j < n; j++)
+        sum += textbook_integral(at_azimuth, r, cuts[j - 1], cuts[j], error);
     return sum;
 }
 
@@ -169,21 +180,25 @@ static double at_angle(void *user, double angle)
 static double at_step(void *user, double t)
 {
     struct reference *r = user;
-    return at_angle(r, r->from + (r->to - r->from) * t * t * (3 - 2 * t)) * 6 * t * (1 - t) * (r->to - r->from);
+    return at_angle(r, r->from + (r->to - r->from) * t * t * (3 - 2 * t)) * 6 * t * (1 - t) *
+           (r->to - r->from);
 }
 
 double textbook_albedo(const facet_material *m, const double o[3], double error)
 {
     struct reference r = {.m = m, .error = error, .o = {o[0], o[1], o[2]}};
-    double sine = hypot(o[0], o[1]), ex = sine > 0 ? o[0] / sine : 1, ey = sine > 0 ? o[1] / sine : 0;
+    double sine = hypot(o[0], o[1]), ex = sine > 0 ? o[0] / sine : 1,
+           ey = sine > 0 ? o[1] / sine : 0;
     double up[3] = {-ex * o[2], -ey * o[2], sine}, side[3] = {ey, -ex, 0};
     for (int k = 0; k < 3; k++) {
         r.up[k] = up[k];
         r.side[k] = side[k];
     }
     const facet_roughness *q = &m->roughness;
-    double c = (o[2] - o[0] * q->slope_x - o[1] * q->slope_y) / sqrt(1 + q->slope_x * q->slope_x + q->slope_y * q->slope_y);
-    double cuts[16] = {0, 2 * acos(c), acos(-o[2]), PI, PI / 2, acos(o[2]), PI - 0.3, PI - 0.05, PI - 0.01};
+    double c = (o[2] - o[0] * q->slope_x - o[1] * q->slope_y) /
+               sqrt(1 + q->slope_x * q->slope_x + q->slope_y * q->slope_y);
+    double cuts[16] = {0,          2 * acos(c), acos(-o[2]), PI,       PI / 2,
+                       acos(o[2]), PI - 0.3,    PI - 0.05,   PI - 0.01};
     size_t n = 9;
     for (size_t i = 0; m->fresnel.kind == FACET_FRESNEL_TABLE && i < m->fresnel.count; i++)
         cuts[n++] = 2 * acos(m->fresnel.cos_theta_d[i]);

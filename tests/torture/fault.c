@@ -127,7 +127,8 @@ void free(void *block)
         return real arguments;                                                                     \
     }
 
-CALL(int, accept4, (int fd, struct sockaddr *a, socklen_t *n, int flags), (fd, a, n, flags), EMFILE, -1)
+CALL(int, accept4, (int fd, struct sockaddr *a, socklen_t *n, int flags), (fd, a, n, flags), EMFILE,
+     -1)
 CALL(int, epoll_create1, (int flags), (flags), EMFILE, -1)
 CALL(int, epoll_wait, (int e, struct epoll_event *v, int n, int ms), (e, v, n, ms), EINTR, -1)
 CALL(int, poll, (struct pollfd * fds, nfds_t n, int ms), (fds, n, ms), ENOMEM, -1)
@@ -137,7 +138,8 @@ CALL(int, socket, (int d, int t, int p), (d, t, p), EMFILE, -1)
 CALL(int, bind, (int fd, const struct sockaddr *a, socklen_t n), (fd, a, n), EADDRINUSE, -1)
 CALL(int, listen, (int fd, int n), (fd, n), EADDRINUSE, -1)
 CALL(int, getsockname, (int fd, struct sockaddr *a, socklen_t *n), (fd, a, n), ENOBUFS, -1)
-CALL(int, setsockopt, (int fd, int l, int o, const void *v, socklen_t n), (fd, l, o, v, n), ENOMEM, -1)
+CALL(int, setsockopt, (int fd, int l, int o, const void *v, socklen_t n), (fd, l, o, v, n), ENOMEM,
+     -1)
 CALL(int, getsockopt, (int fd, int l, int o, void *v, socklen_t *n), (fd, l, o, v, n), ENOBUFS, -1)
 CALL(ssize_t, read, (int fd, void *b, size_t n), (fd, b, n), EINTR, -1)
 CALL(ssize_t, pread, (int fd, void *b, size_t n, off_t at), (fd, b, n, at), EIO, -1)

@@ -5,10 +5,10 @@
 #include <stdatomic.h>
 
 struct fault_page {
-    atomic_long left;  /* calls until one fails; negative: none fails */
-    atomic_long live;  /* blocks and mappings that are held */
-    atomic_int hit;    /* one has failed */
-    char what[32];     /* which call it was */
+    atomic_long left; /* calls until one fails; negative: none fails */
+    atomic_long live; /* blocks and mappings that are held */
+    atomic_int hit;   /* one has failed */
+    char what[32];    /* which call it was */
 };
 
 #define FAULT_PAGE "FACET_FAULT_PAGE" /* environment: path of the page */

@@ -187,8 +187,8 @@ TEST(stencils_are_compared)
         const json_t *stencils = json_object_get(json, "stencils");
         CHECK_INT(json_array_size(stencils), FACET_STENCIL_COUNT);
         for (size_t k = 0; k < FACET_STENCIL_COUNT; k++) {
-            const double ratio =
-                answer_value(json_object_get(json_array_get(stencils, k), "ratio"));
+            const double ratio = answer_value(
+                json_object_get(json_array_get(stencils, k), "ratio"));
             if (k == FACET_CENTRAL) CHECK(fabs(ratio - kept[i]) < 0.01);
             if (k == FACET_FORWARD) CHECK(ratio == 1);
             if (k == FACET_BILINEAR) CHECK(ratio > kept[i] && ratio < 1);
@@ -254,9 +254,9 @@ TEST(material_is_ready_for_eval)
     static const char body[] = "{\"heights\":[[0,1,0,1],[1,0,2,0],[0,1,0,1],[1,0,1,0]],"
                                "\"scale\":0.1,\"stencil\":\"bilinear\",\"form\":\"central\"}";
     json_t *json = post_json("/v1/leadr", NULL, body, strlen(body), 200);
-    json_t *request =
-        json_pack("{s:O,s:[[f,f,f]],s:[[f,f,f]]}", "material", json_object_get(json, "material"),
-                  "wi", 0.6, 0.0, 0.8, "wo", 0.0, 0.6, 0.8);
+    json_t *request = json_pack("{s:O,s:[[f,f,f]],s:[[f,f,f]]}", "material",
+                                json_object_get(json, "material"), "wi", 0.6, 0.0, 0.8, "wo", 0.0,
+                                0.6, 0.8);
     char *text = request ? json_dumps(request, 0) : NULL;
     CHECK(text);
     if (text) {
@@ -346,8 +346,8 @@ static void post_file(const char *path, const void *bytes, size_t size)
     clock_gettime(CLOCK_MONOTONIC, &a);
     struct api_response r = post("/v1/leadr", query_of_all, NULL, bytes, size);
     clock_gettime(CLOCK_MONOTONIC, &b);
-    slowest =
-        fmax(slowest, 1e3 * (double)(b.tv_sec - a.tv_sec) + 1e-6 * (double)(b.tv_nsec - a.tv_nsec));
+    slowest = fmax(slowest,
+                   1e3 * (double)(b.tv_sec - a.tv_sec) + 1e-6 * (double)(b.tv_nsec - a.tv_nsec));
     const bool answered = r.status == 200 || r.status == 413 || r.status == 415 || r.status == 422;
     if (!answered || !r.body) check_fail(__FILE__, __LINE__, "%s: status %d", path, r.status);
     if (r.status == 200 && strcmp(r.content_type, "image/x-exr"))

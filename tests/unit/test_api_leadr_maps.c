@@ -93,8 +93,8 @@ TEST(height_normal_and_slope_maps_of_a_surface_agree)
     /* Channels stand in a file by name: B holds n_z. */
     unsigned char *normal = exr_of((const char *const[4]){"B", "G", "R"}, surface.n[2],
                                    surface.n[1], surface.n[0], &size[1]);
-    unsigned char *slope =
-        exr_of((const char *const[4]){"sx", "sy"}, surface.x, surface.y, NULL, &size[2]);
+    unsigned char *slope = exr_of((const char *const[4]){"sx", "sy"}, surface.x, surface.y, NULL,
+                                  &size[2]);
     struct answer h = post_json("stencil=central&texel=1&scale=2&base_alpha=0.1", height, size[0]);
     struct answer n = post_json("kind=normal&scale=2&base_alpha=0.1", normal, size[1]);
     struct answer s = post_json("kind=slope&channel=sx,sy&scale=2&base_alpha=0.1", slope, size[2]);
@@ -405,8 +405,8 @@ TEST(exrheader_reads_the_answer)
     size_t size = 0;
     make_surface();
     unsigned char *exr = exr_file_of_heights(surface.z, W, H, &size);
-    struct answer a =
-        post("texel=0.5&scale=2&type=half&form=central&base_alpha=0.25", NULL, exr, size);
+    struct answer a = post("texel=0.5&scale=2&type=half&form=central&base_alpha=0.25", NULL, exr,
+                           size);
     const int fd = mkstemp(path);
     CHECK(fd >= 0 &&
           write(fd, a.response.body, a.response.body_size) == (ssize_t)a.response.body_size);
@@ -453,9 +453,9 @@ TEST(odd_sizes_in_files)
         for (size_t i = 0; z && i < w * h; i++) z[i] = (float)(i % w * 5 % 7 + i / w * 3 % 5);
         size_t size = 0;
         unsigned char *exr = exr_file_of_heights(z, w, h, &size);
-        struct answer a =
-            post(s % 2 ? "texel=1&stencil=forward" : "texel=1&stencil=forward&compression=none",
-                 NULL, exr, size);
+        struct answer a = post(s % 2 ? "texel=1&stencil=forward"
+                                     : "texel=1&stencil=forward&compression=none",
+                               NULL, exr, size);
         CHECK_INT(a.response.status, 200);
         struct image image;
         struct image_problem problem = {0};

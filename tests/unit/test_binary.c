@@ -9,7 +9,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define REQUEST "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}}"
+#define REQUEST                                                                                    \
+    "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}}"
 
 static struct answer ask_form(const char *path, const struct form *form, const char *accept)
 {
@@ -24,7 +25,8 @@ static struct answer ask_form(const char *path, const struct form *form, const c
 static const char *header(const struct answer *answer, const char *name)
 {
     for (size_t i = 0; i < answer->response.header_count; i++)
-        if (!strcmp(answer->response.headers[i].name, name)) return answer->response.headers[i].value;
+        if (!strcmp(answer->response.headers[i].name, name))
+            return answer->response.headers[i].value;
     return "";
 }
 
@@ -62,8 +64,11 @@ static struct form form_of(const char *request, const float *wi, const float *wo
 static char *json_of(const float *wi, const float *wo)
 {
     char *text = malloc(N * 80 + 1000), *p = text;
-    p += sprintf(p, REQUEST ",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12,\"wo\":[%.17g,%.17g,%.17g],\"wi\":[",
-                 wo[0], wo[1], wo[2]);
+    p += sprintf(
+        p,
+        REQUEST
+        ",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12,\"wo\":[%.17g,%.17g,%.17g],\"wi\":[",
+        wo[0], wo[1], wo[2]);
     for (int i = 0; i < 3 * N; i++) p += sprintf(p, "%s%.17g", i ? "," : "", wi[i]);
     strcpy(p, "]}");
     return text;
@@ -89,9 +94,11 @@ TEST(every_encoding_gives_the_same_numbers)
         CHECK(json_equal(a.json, expected.json));
         answer_clear(&a);
         a = ask_form("/v1/eval", &form, "application/octet-stream");
-        CHECK_STR(header(&a, "Facet-Layout"),
-                  "[{\"name\":\"fr\",\"dtype\":\"<f8\",\"shape\":[300,3]},{\"name\":\"pdf\",\"dtype\":\"<f8\",\"shape\":[300]}]");
-        CHECK(strstr(header(&a, "Facet-Answer"), "{\"count\":300,\"accuracy\":{\"tier\":\"precise\",\"bound\":"));
+        CHECK_STR(
+            header(&a, "Facet-Layout"),
+            "[{\"name\":\"fr\",\"dtype\":\"<f8\",\"shape\":[300,3]},{\"name\":\"pdf\",\"dtype\":\"<f8\",\"shape\":[300]}]");
+        CHECK(strstr(header(&a, "Facet-Answer"),
+                     "{\"count\":300,\"accuracy\":{\"tier\":\"precise\",\"bound\":"));
         CHECK_INT(a.response.body_size, N * 4 * sizeof(double));
         const double *got = a.response.body;
         for (size_t i = 0; i < N && a.response.status == 200; i++) {
@@ -118,7 +125,8 @@ TEST(lengths_of_floats)
         float factor = factors[i % 2];
         directions(wi, &rng);
         for (int k = 0; k < 3; k++) wi[3 * at + k] *= factor;
-        struct form form = form_of(REQUEST ",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12}", wi, wo, 0);
+        struct form form = form_of(REQUEST ",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12}", wi,
+                                   wo, 0);
         char *json = json_of(wi, wo), place[16];
         struct answer a = ask_form("/v1/eval", &form, NULL), b = ask_post("/v1/eval", json);
         snprintf(place, sizeof place, "/wi/%d", at);
@@ -141,18 +149,20 @@ TEST(floats_where_the_tolerance_lets_them)
     static const struct {
         const char *request, *dtype;
         int status;
-    } cases[] = {{"{\"material\":{\"alpha\":0.3}}", "<f4", 200},
-                 {"{\"material\":{\"alpha\":0.3},\"tolerance\":1e-8}", "<f8", 200},
-                 {"{\"material\":{\"alpha\":0.3},\"tolerance\":1e-7,\"dtype\":\"float32\"}", "<f4", 200},
-                 {"{\"material\":{\"alpha\":0.3},\"tolerance\":1e-8,\"dtype\":\"float32\"}", "", 422},
-                 {"{\"material\":{\"alpha\":0.3},\"dtype\":\"float16\"}", "", 422}};
+    } cases[] = {
+        {"{\"material\":{\"alpha\":0.3}}", "<f4", 200},
+        {"{\"material\":{\"alpha\":0.3},\"tolerance\":1e-8}", "<f8", 200},
+        {"{\"material\":{\"alpha\":0.3},\"tolerance\":1e-7,\"dtype\":\"float32\"}", "<f4", 200},
+        {"{\"material\":{\"alpha\":0.3},\"tolerance\":1e-8,\"dtype\":\"float32\"}", "", 422},
+        {"{\"material\":{\"alpha\":0.3},\"dtype\":\"float16\"}", "", 422}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct form form = form_of(cases[i].request, wi, wo, 1);
         struct answer a = ask_form("/v1/eval", &form, "application/x-npy");
         CHECK_INT(a.response.status, cases[i].status);
         if (cases[i].status == 200) {
             const char *npy = a.response.body;
-            CHECK(!memcmp(npy, "\x93NUMPY\1\0\x76\0", 10) && strstr(npy + 10, cases[i].dtype) && strstr(npy + 10, "(300,)"));
+            CHECK(!memcmp(npy, "\x93NUMPY\1\0\x76\0", 10) && strstr(npy + 10, cases[i].dtype) &&
+                  strstr(npy + 10, "(300,)"));
             CHECK_INT(a.response.body_size, 128 + N * (cases[i].dtype[2] - '0'));
         } else {
             CHECK_STR(answer_error(&a, "pointer"), "/dtype");
@@ -194,7 +204,9 @@ TEST(what_no_float_holds_is_refused)
         CHECK_INT(results.fault, fault);
         CHECK_INT(results.count, fault ? at : 5);
         CHECK(api_results_check(&results, "D", "pair", &problem) == !fault);
-        if (fault) CHECK(strstr(fault == RESULTS_TOO_LARGE ? problem.errors[0].detail : problem.detail, told));
+        if (fault)
+            CHECK(strstr(fault == RESULTS_TOO_LARGE ? problem.errors[0].detail : problem.detail,
+                         told));
         api_arena_close(&arena);
     }
 }
@@ -205,11 +217,13 @@ TEST(doubles_are_written_as_floats)
     enum { ROWS = 7, WIDTH = 3 };
     double columns[WIDTH][ROWS], *const of[WIDTH] = {columns[0], columns[1], columns[2]};
     for (size_t k = 0; k < WIDTH; k++)
-        for (size_t i = 0; i < ROWS; i++) columns[k][i] = (i % 2 ? -1.3 : 0.7) * (double)(10 * k + i + 1);
+        for (size_t i = 0; i < ROWS; i++)
+            columns[k][i] = (i % 2 ? -1.3 : 0.7) * (double)(10 * k + i + 1);
     for (size_t width = 1; width <= WIDTH; width++) {
         char bytes[ROWS * WIDTH * sizeof(float)];
         const struct results results = {.format = RESULTS_FLOAT32, .width = width};
-        CHECK(api_results_write(&results, of, ROWS, true, bytes) == bytes + ROWS * width * sizeof(float));
+        CHECK(api_results_write(&results, of, ROWS, true, bytes) ==
+              bytes + ROWS * width * sizeof(float));
         for (size_t i = 0; i < ROWS * width; i++) {
             float x;
             memcpy(&x, bytes + i * sizeof x, sizeof x);
@@ -271,7 +285,8 @@ TEST(samples_in_floats)
             form_end(&form);
             answers[which] = ask_form("/v1/sample", &form, "application/octet-stream");
             CHECK_INT(answers[which].response.status, 200);
-            CHECK_INT(answers[which].response.body_size, N * (7 + width) * (which ? sizeof(float) : sizeof(double)));
+            CHECK_INT(answers[which].response.body_size,
+                      N * (7 + width) * (which ? sizeof(float) : sizeof(double)));
             form_clear(&form);
         }
         const double *x = answers[0].response.body;
@@ -286,7 +301,8 @@ TEST(samples_in_floats)
 }
 
 /* The status and first pointer (or a word of the detail) of a form with one part beside the request. */
-static void check_form(const char *name, const void *bytes, size_t size, int status, const char *what)
+static void check_form(const char *name, const void *bytes, size_t size, int status,
+                       const char *what)
 {
     struct form form = {0};
     form_add_text(&form, "request", "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]]}");
@@ -313,7 +329,8 @@ static void check_npy(const char *text, size_t data, int status, const char *wha
 
 TEST(bad_parts_are_refused)
 {
-    const float good[6] = {0, 0, 1, 0, 0, 1}, bad[3] = {0, 0, NAN}, far[3] = {INFINITY, 0, 0}, longer[3] = {0, 0, 2};
+    const float good[6] = {0, 0, 1, 0, 0, 1}, bad[3] = {0, 0, NAN}, far[3] = {INFINITY, 0, 0},
+                longer[3] = {0, 0, 2};
     check_form("wi", good, sizeof good, 200, "\"count\":2");
     check_form("wi", good, 8, 422, "must have a multiple of 3");
     check_form("wi", good, 11, 422, "must have a multiple of 4");
@@ -326,23 +343,34 @@ TEST(bad_parts_are_refused)
     check_form("w\xff", good, sizeof good, 422, "printable");
     check_form("material", good, sizeof good, 422, "is given twice");
     check_form("tolerance", good, sizeof good, 422, "must be a number, not an array");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }", 24, 200, "\"count\":2");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }", 24, 200,
+              "\"count\":2");
     check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (6,), }", 24, 200, "\"count\":2");
     check_npy("{'descr': '<f4', 'fortran_order': True, 'shape': (1, 3), }", 12, 200, "\"count\":1");
-    check_npy("{'descr': '<i4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422, "has the dtype '<i4', must have '<f4'");
-    check_npy("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (6,), }", 24, 422, "has the dtype [('a', '<f4')], must have '<f4'");
-    check_npy("{'descr': '>f4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422, "must have '<f4'");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }", 32, 422, "has 4 elements");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }", 20, 422, "holds 20 bytes");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1, 3), }", 24, 422, "has the shape (2, 1, 3), must have 1 or 2 dimensions");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4, 422, "has the shape (), must have 1 or 2 dimensions");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }", 24, 422, "holds");
-    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (0, 3), }", 0, 422, "has 0 elements");
+    check_npy("{'descr': '<i4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422,
+              "has the dtype '<i4', must have '<f4'");
+    check_npy("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (6,), }", 24, 422,
+              "has the dtype [('a', '<f4')], must have '<f4'");
+    check_npy("{'descr': '>f4', 'fortran_order': False, 'shape': (2, 3), }", 24, 422,
+              "must have '<f4'");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }", 32, 422,
+              "has 4 elements");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }", 20, 422,
+              "holds 20 bytes");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 1, 3), }", 24, 422,
+              "has the shape (2, 1, 3), must have 1 or 2 dimensions");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4, 422,
+              "has the shape (), must have 1 or 2 dimensions");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }", 24,
+              422, "holds");
+    check_npy("{'descr': '<f4', 'fortran_order': False, 'shape': (0, 3), }", 0, 422,
+              "has 0 elements");
     check_npy("{'descr': '<f4', 'shape': (2, 3), }", 24, 422, "is no .npy file");
     check_npy("", 0, 422, "is no .npy file");
 }
 
-static void check_multipart(const char *type, const char *body, int status, size_t parts, const char *last)
+static void check_multipart(const char *type, const char *body, int status, size_t parts,
+                            const char *last)
 {
     struct part list[PARTS_MAX];
     struct problem problem = {0};
@@ -354,7 +382,9 @@ static void check_multipart(const char *type, const char *body, int status, size
         check_fail(__FILE__, __LINE__, "%s: %d %s", body, problem.status, problem.detail);
     if (ok) {
         CHECK_INT(count, parts);
-        if (count) CHECK(list[count - 1].size == strlen(last) && !memcmp(list[count - 1].bytes, last, strlen(last)));
+        if (count)
+            CHECK(list[count - 1].size == strlen(last) &&
+                  !memcmp(list[count - 1].bytes, last, strlen(last)));
     }
     free(exact);
 }
@@ -365,8 +395,14 @@ static void check_multipart(const char *type, const char *body, int status, size
 TEST(multipart_bodies)
 {
     check_multipart(T, "--b\r\n" D "a\r\n\r\nhello\r\n--b--\r\n", 0, 1, "hello");
-    check_multipart(T, "--b\r\n" D "a\r\n\r\n1\r\n--b\r\n" D "\"c\"; filename=x\r\nX-Y: z\r\n\r\n\r\n2\r\n--b--", 0, 2, "\r\n2");
-    check_multipart(T, "preamble\r\n--b \t\r\ncontent-disposition: FORM-DATA; NAME=\"a\\\"b\"\r\n\r\n\r\n--b--epilogue", 0, 1, "");
+    check_multipart(T,
+                    "--b\r\n" D "a\r\n\r\n1\r\n--b\r\n" D
+                    "\"c\"; filename=x\r\nX-Y: z\r\n\r\n\r\n2\r\n--b--",
+                    0, 2, "\r\n2");
+    check_multipart(
+        T,
+        "preamble\r\n--b \t\r\ncontent-disposition: FORM-DATA; NAME=\"a\\\"b\"\r\n\r\n\r\n--b--epilogue",
+        0, 1, "");
     check_multipart(T, "--b\r\n" D "a\r\n\r\n--b--\r\n", 0, 1, "");
     check_multipart(T, "--b\r\n" D "a\r\n\r\n\r\n--bb\r\n\r\n--b--", 400, 0, "");
     check_multipart(T, "--b\r\n" D "a\r\n\r\nx\r\n-b\r\n--\r\n--b--", 0, 1, "x\r\n-b\r\n--");
@@ -375,7 +411,8 @@ TEST(multipart_bodies)
     check_multipart("multipart/form-data", "--b--", 400, 0, "");
     check_multipart("multipart/form-data; boundary=", "--b--", 400, 0, "");
     check_multipart("multipart/form-data; boundary=\"b", "--b--", 400, 0, "");
-    check_multipart(T "123456789012345678901234567890123456789012345678901234567890123456789012", "--b--", 400, 0, "");
+    check_multipart(T "123456789012345678901234567890123456789012345678901234567890123456789012",
+                    "--b--", 400, 0, "");
     check_multipart(T, "", 400, 0, "");
     check_multipart(T, "--b", 400, 0, "");
     check_multipart(T, "--b\r\n", 400, 0, "");
@@ -385,21 +422,30 @@ TEST(multipart_bodies)
     check_multipart(T, "--b\r\nX: y\r\n\r\nx\r\n--b--", 400, 0, "");
     check_multipart(T, "--b\r\n" D "\r\n\r\nx\r\n--b--", 422, 0, "");
     check_multipart(T, "--b\r\n" D "a\r\n\r\nx\r\n--b\r\n" D "a\r\n\r\nx\r\n--b--", 422, 0, "");
-    check_multipart(T, "--b\r\n" D "a\r\nContent-Transfer-Encoding: base64\r\n\r\nx\r\n--b--", 422, 0, "");
-    check_multipart(T, "--b\r\n" D "a\r\nContent-Transfer-Encoding: binary\r\n\r\nx\r\n--b--", 0, 1, "x");
+    check_multipart(T, "--b\r\n" D "a\r\nContent-Transfer-Encoding: base64\r\n\r\nx\r\n--b--", 422,
+                    0, "");
+    check_multipart(T, "--b\r\n" D "a\r\nContent-Transfer-Encoding: binary\r\n\r\nx\r\n--b--", 0, 1,
+                    "x");
     check_multipart(T, "\r\r\r\r\n\r\n--\r\n--b", 400, 0, "");
 }
 
 TEST(npy_holds_one_array)
 {
-    static const char request[] = REQUEST ",\"wi\":[[0,0,1]],\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"pdf\"]}";
-    struct answer a = ask_with((struct api_request){.method = "POST", .path = "/v1/eval", .body = request,
-        .body_size = sizeof request - 1, .accept = "application/x-npy"});
+    static const char request[] = REQUEST
+        ",\"wi\":[[0,0,1]],\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"pdf\"]}";
+    struct answer a = ask_with((struct api_request){.method = "POST",
+                                                    .path = "/v1/eval",
+                                                    .body = request,
+                                                    .body_size = sizeof request - 1,
+                                                    .accept = "application/x-npy"});
     CHECK_INT(a.response.status, 406);
     answer_clear(&a);
     /* JSON unless something else is preferred. */
-    a = ask_with((struct api_request){.method = "POST", .path = "/v1/eval", .body = request,
-        .body_size = sizeof request - 1, .accept = "*/*, application/zip;q=0.9"});
+    a = ask_with((struct api_request){.method = "POST",
+                                      .path = "/v1/eval",
+                                      .body = request,
+                                      .body_size = sizeof request - 1,
+                                      .accept = "*/*, application/zip;q=0.9"});
     CHECK(a.json && a.response.status == 200);
     answer_clear(&a);
 }

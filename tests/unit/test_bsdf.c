@@ -126,7 +126,8 @@ static void make_anisotropic(struct file *f)
     fill(add_field(f, "vndf", 10, 4, (size_t[]){4, 3, 2, 2}), 48, 3);
     float *data = add_field(f, "spectra", 10, 5, (size_t[]){4, 3, 4, 2, 2});
     for (size_t k = 0; k < 4 * 3 * 4 * 4; k++)
-        data[k] = (5 + phis[k / 48]) * nm[k / 4 % 4] / 500 * (1 + (float)(k % 2) + 2 * (float)(k / 2 % 2));
+        data[k] = (5 + phis[k / 48]) * nm[k / 4 % 4] / 500 *
+                  (1 + (float)(k % 2) + 2 * (float)(k / 2 % 2));
     f->size = f->data;
 }
 
@@ -157,7 +158,8 @@ TEST(bsdf_damaged)
     static struct file f;
     static unsigned char copy[sizeof f.bytes];
     make_anisotropic(&f);
-    for (size_t n = 0; n < f.size; n += n < 700 ? 1 : 97) reader_refuses(f.bytes, n, FORMAT_BSDF, "");
+    for (size_t n = 0; n < f.size; n += n < 700 ? 1 : 97)
+        reader_refuses(f.bytes, n, FORMAT_BSDF, "");
     for (size_t at = 12; at < 700; at++) { /* any one byte */
         for (int bit = 0; bit < 8; bit += 7) {
             struct reader o;

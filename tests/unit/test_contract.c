@@ -53,12 +53,12 @@ TEST(every_endpoint_answers_as_its_table_says)
 
 TEST(every_output_decodes)
 {
-    struct answer answer =
-        ask_post("/v1/eval",
-                 "{\"material\":{\"alpha\":0.3,\"fresnel\":{\"conductor\":{\"metal\":\"Cu\"}}},"
-                 "\"wi\":{\"random\":{\"n\":5}},\"wo\":{\"random\":{\"n\":5,\"seed\":1}},"
-                 "\"outputs\":[\"fr\","
-                 "\"fr_cos\",\"pdf\",\"D\",\"D_vis\",\"G\",\"G1_i\",\"G1_o\",\"F\",\"sigma_o\"]}");
+    struct answer answer = ask_post(
+        "/v1/eval",
+        "{\"material\":{\"alpha\":0.3,\"fresnel\":{\"conductor\":{\"metal\":\"Cu\"}}},"
+        "\"wi\":{\"random\":{\"n\":5}},\"wo\":{\"random\":{\"n\":5,\"seed\":1}},"
+        "\"outputs\":[\"fr\","
+        "\"fr_cos\",\"pdf\",\"D\",\"D_vis\",\"G\",\"G1_i\",\"G1_o\",\"F\",\"sigma_o\"]}");
     CHECK_INT(answer.response.status, 200);
     CHECK_INT(json_object_size(answer.json), 12);
     check_answer(api_endpoint(0), &answer);
@@ -157,8 +157,8 @@ TEST(mutated_examples_are_answered)
         for (int k = 0; k < 400; k++) {
             char *body = malloc(size + 1);
             memcpy(body, endpoint->example, size + 1);
-            size_t cut =
-                rng_uniform(&rng) < 0.2 ? (size_t)(rng_uniform(&rng) * (double)size) : size;
+            size_t cut = rng_uniform(&rng) < 0.2 ? (size_t)(rng_uniform(&rng) * (double)size)
+                                                 : size;
             for (int edits = 1 + (int)(rng_uniform(&rng) * 4); edits; edits--)
                 body[(size_t)(rng_uniform(&rng) * (double)size)] =
                     alphabet[(size_t)(rng_uniform(&rng) * (double)sizeof alphabet)];

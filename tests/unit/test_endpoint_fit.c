@@ -125,7 +125,8 @@ TEST(source_comes_back)
         CHECK_STR(text_at(fit, "source_convention", NULL), "correlated");
         CHECK_REL(number_at(fit, "material", "alpha"), k ? .15 : .3, 1e-6, 0);
         CHECK(number_at(fit, "error", "rms_log") < 1e-5);
-        CHECK_INT(json_array_size(json_object_get(fit, "candidates")), 1); /* nothing larger is better */
+        CHECK_INT(json_array_size(json_object_get(fit, "candidates")),
+                  1); /* nothing larger is better */
         CHECK(number_at(fit, "timing_ms", NULL) > 0);
         json_decref(fit);
     }

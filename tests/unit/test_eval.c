@@ -47,9 +47,9 @@ TEST(numbers_carry_the_digits_of_their_bound)
 
 TEST(outputs_are_those_asked_for_and_only_they)
 {
-    struct answer a =
-        ask_post("/v1/eval", "{" GGX "," PAIR
-                             ",\"outputs\":[\"D\",\"pdf\",\"F\",\"sigma_o\"],\"tolerance\":1e-10}");
+    struct answer a = ask_post(
+        "/v1/eval",
+        "{" GGX "," PAIR ",\"outputs\":[\"D\",\"pdf\",\"F\",\"sigma_o\"],\"tolerance\":1e-10}");
     CHECK_REL(answer_number(&a, "D", 0), 1 / (pi * 0.09), 1e-10, 0);
     CHECK_REL(answer_number(&a, "sigma_o", 0), (0.8 + 0.82) / 2, 1e-10, 0);
     CHECK_REL(answer_number(&a, "pdf", 0), 1 / (pi * 0.09) / (4 * 0.81), 1e-10, 0);
@@ -234,10 +234,10 @@ TEST(a_tier_can_be_forced)
 
 TEST(outer_pairs_have_the_first_list_slow)
 {
-    struct answer a =
-        ask_post("/v1/eval",
-                 "{" GGX ",\"wi\":[[0,0,1],[0.6,0,0.8]],\"wo\":[[0,0,1],[0,0.6,0.8],[-0.6,0,0.8]],"
-                 "\"pairing\":\"outer\",\"outputs\":[\"G1_i\",\"G1_o\"],\"tolerance\":1e-9}");
+    struct answer a = ask_post(
+        "/v1/eval",
+        "{" GGX ",\"wi\":[[0,0,1],[0.6,0,0.8]],\"wo\":[[0,0,1],[0,0.6,0.8],[-0.6,0,0.8]],"
+        "\"pairing\":\"outer\",\"outputs\":[\"G1_i\",\"G1_o\"],\"tolerance\":1e-9}");
     double tilted = 0.8 / 0.81;
     CHECK_INT(answer_count(&a, "G1_i"), 6);
     for (size_t k = 0; k < 6; k++) {
@@ -287,9 +287,9 @@ TEST(moments_meet_tight_tolerances)
 
 TEST(one_direction_goes_with_all)
 {
-    struct answer a =
-        ask_post("/v1/eval", "{" GGX ",\"wi\":[[0,0,1]],\"wo\":[0,0,1,0,0.6,0.8,-0.6,0,0.8],"
-                             "\"outputs\":[\"G1_o\"],\"tolerance\":1e-9}");
+    struct answer a = ask_post("/v1/eval",
+                               "{" GGX ",\"wi\":[[0,0,1]],\"wo\":[0,0,1,0,0.6,0.8,-0.6,0,0.8],"
+                               "\"outputs\":[\"G1_o\"],\"tolerance\":1e-9}");
     CHECK_INT(answer_count(&a, "G1_o"), 3);
     CHECK_REL(answer_number(&a, "G1_o", 0), 1, 1e-9, 0);
     CHECK_REL(answer_number(&a, "G1_o", 2), 0.8 / 0.81, 1e-9, 0);
@@ -299,9 +299,9 @@ TEST(one_direction_goes_with_all)
 TEST(half_and_difference_vectors)
 {
     /* d at the pole: wi = wo = h.  h at the pole: wi and wo are mirror images, at d. */
-    struct answer a =
-        ask_post("/v1/eval", "{" GGX ",\"h\":[[0.6,0,0.8],[0,0,1]],\"d\":[[0,0,1],[0.6,0,0.8]],"
-                             "\"outputs\":[\"D\",\"G1_i\",\"G1_o\",\"fr\"],\"tolerance\":1e-9}");
+    struct answer a = ask_post("/v1/eval",
+                               "{" GGX ",\"h\":[[0.6,0,0.8],[0,0,1]],\"d\":[[0,0,1],[0.6,0,0.8]],"
+                               "\"outputs\":[\"D\",\"G1_i\",\"G1_o\",\"fr\"],\"tolerance\":1e-9}");
     CHECK_INT(a.response.status, 200);
     CHECK_REL(answer_number(&a, "G1_i", 0), 0.8 / 0.81, 1e-9, 0);
     CHECK_REL(answer_number(&a, "G1_o", 0), 0.8 / 0.81, 1e-9, 0);
@@ -363,15 +363,15 @@ TEST(random_directions_are_uniform_and_repeatable)
 
 TEST(lengths_within_a_thousandth_are_normalised)
 {
-    struct answer near =
-        ask_post("/v1/eval",
-                 "{" GGX ",\"wi\":[[0.6003,0,0.8004]],\"wo\":[[-0.6,0,0.8]],\"tolerance\":1e-9}");
+    struct answer near = ask_post(
+        "/v1/eval",
+        "{" GGX ",\"wi\":[[0.6003,0,0.8004]],\"wo\":[[-0.6,0,0.8]],\"tolerance\":1e-9}");
     CHECK_REL(answer_number(&near, "fr", 0), 1 / (pi * 0.09 * 2.624), 1e-9, 0);
     answer_clear(&near);
     /* Within a millionth: the numbers as given. */
-    struct answer given =
-        ask_post("/v1/eval",
-                 "{" GGX ",\"wi\":[[0.6,0,0.8000005]],\"wo\":[[-0.6,0,0.8]],\"tolerance\":1e-9}");
+    struct answer given = ask_post(
+        "/v1/eval",
+        "{" GGX ",\"wi\":[[0.6,0,0.8000005]],\"wo\":[[-0.6,0,0.8]],\"tolerance\":1e-9}");
     double z = 0.8000005, ri = sqrt(0.09 * 0.36 + z * z);
     CHECK_REL(answer_number(&given, "fr", 0), 1 / (pi * 0.09) / (2 * (0.82 * z + ri * 0.8)), 1e-9,
               0);
@@ -391,9 +391,9 @@ TEST(below_the_horizon_is_zero)
 
 TEST(shear_by_the_thesis_has_a_larger_bound)
 {
-    static const char *const body =
-        "{\"material\":{\"alpha\":0.3,\"mean_slope\":[0.5,0],\"shear\":\"%s\"}," PAIR
-        ",\"tier\":\"precise\"}";
+    static const char
+        *const body = "{\"material\":{\"alpha\":0.3,\"mean_slope\":[0.5,0],\"shear\":\"%s\"}," PAIR
+                      ",\"tier\":\"precise\"}";
     char text[300];
     snprintf(text, sizeof text, body, "thesis");
     struct answer thesis = ask_post("/v1/eval", text);
@@ -433,7 +433,8 @@ TEST(cancelled_requests_end)
 /* The look at computed directions, before a tier is chosen (none would serve), ends as well. */
 TEST(cancelled_surveys_end)
 {
-    check_ends("/v1/sample", "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}");
+    check_ends("/v1/sample",
+               "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}");
 }
 
 TEST(a_table_of_the_ggx_shape_is_ggx)

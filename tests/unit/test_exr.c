@@ -100,8 +100,8 @@ static void check_tile(exr_context_t c, int level, int x, int y)
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < info.width * info.height; i++) {
             const int p = i % info.width, q = i / info.width;
-            const float want =
-                value_at((size_t)level, (size_t)k, (size_t)(x * TILE + p), (size_t)(y * TILE + q));
+            const float want = value_at((size_t)level, (size_t)k, (size_t)(x * TILE + p),
+                                        (size_t)(y * TILE + q));
             CHECK(out[k][q * TILE + p] == want);
         }
     exr_decoding_destroy(c, &pipe);
@@ -323,8 +323,8 @@ TEST(every_cut_and_many_changes_of_a_file)
         memcpy(copy, bytes, size);
         const size_t range = i % 2 ? size : 1200; /* the header, more often */
         for (int k = 0; k < 1 + i % 3; k++)
-            copy[(size_t)(rng_uniform(&rng) * (double)range)] =
-                (unsigned char)(rng_uniform(&rng) * 256);
+            copy[(size_t)(rng_uniform(&rng) * (double)range)] = (unsigned char)(rng_uniform(&rng) *
+                                                                                256);
         read_any("changed", copy, size);
     }
     free(copy);

@@ -184,10 +184,14 @@ TEST(errors_name_pointer_and_range)
     check_error("{\"shape\":true}", "/shape cannot be a boolean");
     check_error("{\"shape\":2}", "/shape 2 is outside [0, 1]");
     check_error("{\"shape\":{\"a\":1,\"b\":2}}", "/shape must have exactly one member, has 2");
-    check_error("{\"alhpa\":1}", "/alhpa is not a known member; known: alpha, flag, list, shape, open, n, kind, title, "
-                                   "colour, rows, inner, items, outputs, option, vectors");
-    check_error("{\"w~/x\":1}", "/w~0~1x is not a known member; known: open, n, flag, kind, list, rows, alpha, title, "
-                                 "inner, items, shape, colour, option, outputs, vectors");
+    check_error(
+        "{\"alhpa\":1}",
+        "/alhpa is not a known member; known: alpha, flag, list, shape, open, n, kind, title, "
+        "colour, rows, inner, items, outputs, option, vectors");
+    check_error(
+        "{\"w~/x\":1}",
+        "/w~0~1x is not a known member; known: open, n, flag, kind, list, rows, alpha, title, "
+        "inner, items, shape, colour, option, outputs, vectors");
     check_error("[]", " must be an object, not an array");
     check_error("3", " must be an object, not a number");
 }
@@ -246,7 +250,8 @@ TEST(memory_is_bounded_by_the_body)
     while (n < BYTES - 16) n += (size_t)sprintf(body + n, "%s[0,0,1]", n > 1 ? "," : "");
     strcpy(body + n, "]");
     CHECK(api_json_read(body, n + 1, &arena, &problem, &document));
-    CHECK(document.count == 1 && document.arrays[0].rows > 100000 && document.arrays[0].columns == 3);
+    CHECK(document.count == 1 && document.arrays[0].rows > 100000 &&
+          document.arrays[0].columns == 3);
     json_decref(document.root);
     api_arena_close(&arena);
     free(body);

@@ -24,7 +24,8 @@ TEST(power_iteration_is_exact_at_the_nodes)
         double median, worst = 0, rms;
         CHECK_INT(facet_fit_median_slope(&source, &median), FACET_OK);
         CHECK_REL(median, alphas[k] * sqrt(log(2)), .05, 0);
-        if (facet_fit_density_create(&source, FACET_SMITH, convention, 1.5 * median, 90, &density)) {
+        if (facet_fit_density_create(&source, FACET_SMITH, convention, 1.5 * median, 90,
+                                     &density)) {
             CHECK(!"solved");
             return;
         }
@@ -52,7 +53,8 @@ TEST(alpha_comes_back_from_the_slope_distribution)
             struct fit_density density;
             double median, rms;
             CHECK_INT(facet_fit_median_slope(&source, &median), FACET_OK);
-            CHECK_INT(facet_fit_density_create(&source, FACET_SMITH, convention, 1.5 * median, 90, &density),
+            CHECK_INT(facet_fit_density_create(&source, FACET_SMITH, convention, 1.5 * median, 90,
+                                               &density),
                       FACET_OK);
             double alpha = facet_fit_alpha(&density, (facet_ndf)ndf, &rms);
             CHECK_REL(alpha, closed.alpha, 1e-6, 0);
@@ -104,12 +106,13 @@ TEST(beckmann_backscatter_at_resolution_90)
 {
     static const double alphas[] = {.01, .02, .05, .15};
     for (size_t k = 0; k < 4; k++) {
-        struct closed closed = {FACET_BECKMANN, alphas[k], {.95, .64, .54}, CLOSED_CORRELATED, 0, 0, 0, 0};
+        struct closed closed = {
+            FACET_BECKMANN, alphas[k], {.95, .64, .54}, CLOSED_CORRELATED, 0, 0, 0, 0};
         facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
-        const facet_fit_candidate *tabulated =
-            find(&fit, FACET_TABULATED, FACET_FRESNEL_TABLE, false);
+        const facet_fit_candidate *tabulated = find(&fit, FACET_TABULATED, FACET_FRESNEL_TABLE,
+                                                    false);
         CHECK_INT(tabulated->material.ndf, FACET_TABULATED);
         CHECK_INT(tabulated->log_d_nodes, 91);
         double worst = 0,
@@ -118,11 +121,14 @@ TEST(beckmann_backscatter_at_resolution_90)
             double u = i / (90 * 7.), r = fit.table_scale * u / (1 - u), z = 1 / sqrt(1 + r * r);
             double o[3] = {r * z, 0, z}, exact = closed_fr(&closed, o, o, .64);
             if (exact < 1e-4 * peak) break;
-            worst = check_worse(worst, fabs(evaluate_one(&tabulated->material, o, o, 1) / exact - 1));
+            worst = check_worse(worst,
+                                fabs(evaluate_one(&tabulated->material, o, o, 1) / exact - 1));
         }
         CHECK(worst <= 1e-4); /* asked: 1e-3 */
         CHECK(tabulated->error.backscatter_max <= 1e-4);
-        CHECK_REL(find(&fit, FACET_BECKMANN, FACET_FRESNEL_SCHLICK, false)->material.roughness.alpha_x, alphas[k], 1e-6, 0);
+        CHECK_REL(
+            find(&fit, FACET_BECKMANN, FACET_FRESNEL_SCHLICK, false)->material.roughness.alpha_x,
+            alphas[k], 1e-6, 0);
         CHECK_INT(fit.convention, FACET_FIT_CORRELATED);
         check_note("backscatter", worst);
         facet_fit_clear(&fit);
@@ -141,20 +147,17 @@ TEST(the_right_model_is_exact)
         const facet_fit_candidate *right = find(&fit, ndf, FACET_FRESNEL_SCHLICK, false),
                                   *wrong = find(&fit, !ndf, FACET_FRESNEL_SCHLICK, false),
                                   *table = find(&fit, ndf, FACET_FRESNEL_TABLE, false),
-                                  *slopes =
-                                      find(&fit, FACET_TABULATED, FACET_FRESNEL_TABLE, false);
+                                  *slopes = find(&fit, FACET_TABULATED, FACET_FRESNEL_TABLE, false);
         CHECK_INT(right->material.ndf, ndf);
         CHECK_INT(right->bytes, 4 * sizeof(double));
         CHECK_REL(right->material.roughness.alpha_x, closed.alpha, 1e-6, 0);
         for (int c = 0; c < 3; c++) CHECK_REL(right->material.fresnel.f0[c], closed.f0[c], 1e-5, 0);
         CHECK(right->error.rms_log < 1e-5);
         CHECK(wrong->error.rms_log > .1);
-        CHECK(slopes->error.rms_log <
-              5e-4); /* Fresnel linear between nodes 1 degree apart */
+        CHECK(slopes->error.rms_log < 5e-4); /* Fresnel linear between nodes 1 degree apart */
         CHECK(right->bytes < table->bytes && table->bytes < slopes->bytes);
         const facet_fresnel *f = &table->material.fresnel;
-        for (size_t i = 0; i < f->count;
-             i++) { /* the horizon, where nothing is seen, included */
+        for (size_t i = 0; i < f->count; i++) { /* the horizon, where nothing is seen, included */
             double q = 1 - f->cos_theta_d[i], schlick = .04 + .96 * q * q * q * q * q;
             CHECK_REL(f->values[2][i], schlick, 1e-2, 0);
             if (i) CHECK(f->cos_theta_d[i] > f->cos_theta_d[i - 1]);
@@ -170,15 +173,22 @@ TEST(hot_spot_is_recognised)
 {
     static const double alphas[] = {.3, .6, 1};
     for (size_t k = 0; k < 6; k++) {
-        struct closed closed = {
-            k < 3 ? FACET_GGX : FACET_BECKMANN, alphas[k % 3], {.9, .9, .9}, CLOSED_HOT_SPOT, 0, 0, 0, 0};
+        struct closed closed = {k < 3 ? FACET_GGX : FACET_BECKMANN,
+                                alphas[k % 3],
+                                {.9, .9, .9},
+                                CLOSED_HOT_SPOT,
+                                0,
+                                0,
+                                0,
+                                0};
         facet_fit_source source = closed_source(&closed);
         facet_fit fit;
         CHECK_INT(fit_isotropic(&source, 90, &fit), FACET_OK);
         /* Beckmann at .3 masks nothing down to 1e-4 of its peak: nobody could tell */
         bool visible = closed.ndf == FACET_GGX || closed.alpha > .5;
         CHECK_INT(fit.convention, visible ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED);
-        double alpha = find(&fit, closed.ndf, FACET_FRESNEL_SCHLICK, false)->material.roughness.alpha_x;
+        double alpha = find(&fit, closed.ndf, FACET_FRESNEL_SCHLICK, false)
+                           ->material.roughness.alpha_x;
         CHECK_REL(alpha, closed.alpha, .03, 0); /* taken for correlated: 10 to 18 % */
         check_note("alpha", fabs(alpha / closed.alpha - 1));
         facet_fit_clear(&fit);
@@ -274,8 +284,7 @@ TEST(useless_sources_are_refused)
     for (int kind = 0; kind < 5; kind++) {
         facet_fit_source source = {evaluate_useless, &kind, INFINITY, false, NULL};
         facet_fit fit;
-        CHECK_INT(fit_isotropic(&source, 90, &fit),
-                  kind == 4 ? FACET_UNSUPPORTED : FACET_BAD_DATA);
+        CHECK_INT(fit_isotropic(&source, 90, &fit), kind == 4 ? FACET_UNSUPPORTED : FACET_BAD_DATA);
         CHECK(fit.owned == NULL);
         facet_fit_clear(&fit);
     }

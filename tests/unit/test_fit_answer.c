@@ -25,7 +25,8 @@ static double at(const json_t *json, const char *first, const char *second)
     return answer_value(json_object_get(json_object_get(json, first), second));
 }
 
-#define GLOSSY "{\"ndf\":\"ggx\",\"alpha\":0.25,\"fresnel\":{\"dielectric\":{\"eta\":1.5}},\"diffuse\":[0.5,0.2,0.1]}"
+#define GLOSSY                                                                                     \
+    "{\"ndf\":\"ggx\",\"alpha\":0.25,\"fresnel\":{\"dielectric\":{\"eta\":1.5}},\"diffuse\":[0.5,0.2,0.1]}"
 static const char glossy[] = "{\"source\":" GLOSSY ",\"tolerance\":1e-3}";
 
 TEST(candidates_are_the_pareto_front)
@@ -53,7 +54,10 @@ TEST(candidates_are_the_pareto_front)
     CHECK_STR(json_string_value(json_object_get(material, "ndf")), "ggx");
     for (size_t k = 0; k < 3; k++)
         CHECK_REL(answer_value(json_array_get(json_object_get(material, "diffuse"), k)),
-                  k == 0 ? .5 : k == 1 ? .2 : .1, 2e-3, 0);
+                  k == 0   ? .5
+                  : k == 1 ? .2
+                           : .1,
+                  2e-3, 0);
     answer_clear(&answer);
 }
 
@@ -81,8 +85,10 @@ TEST(worst_pair_is_where_it_says)
     double most = 0;
     for (size_t c = 0; c < 3; c++) {
         for (int k = 0; k < 2; k++) {
-            snprintf(body, sizeof body, "{\"material\":%s,\"wi\":[%s],\"wo\":[%s],\"outputs\":[\"fr_cos\"],"
-                     "\"channels\":3,\"tier\":\"precise\"}", materials[k], pair[0], pair[1]);
+            snprintf(body, sizeof body,
+                     "{\"material\":%s,\"wi\":[%s],\"wo\":[%s],\"outputs\":[\"fr_cos\"],"
+                     "\"channels\":3,\"tier\":\"precise\"}",
+                     materials[k], pair[0], pair[1]);
             struct answer e = post("/v1/eval", NULL, NULL, body);
             CHECK_INT(e.response.status, 200);
             fr[k] = answer_component(&e, "fr_cos", 0, c);
@@ -97,8 +103,9 @@ TEST(worst_pair_is_where_it_says)
 
 /* ---- Exports --------------------------------------------------------------------------------------- */
 
-static const char metal[] = "{\"source\":{\"ndf\":\"ggx\",\"alpha_1\":0.4,\"alpha_2\":0.1,\"phi\":0.5,"
-                            "\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.6,0.3]}}}}";
+static const char metal[] =
+    "{\"source\":{\"ndf\":\"ggx\",\"alpha_1\":0.4,\"alpha_2\":0.1,\"phi\":0.5,"
+    "\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.6,0.3]}}}}";
 
 static double number_after(const char *text, const char *mark)
 {
@@ -169,7 +176,8 @@ TEST(diffuse_materials_are_sampled)
     enum { N = 16000 };
     for (int k = 0; k < 2; k++) {
         char body[600];
-        snprintf(body, sizeof body, "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"n\":%d,\"seed\":3}", materials[k], N);
+        snprintf(body, sizeof body, "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"n\":%d,\"seed\":3}",
+                 materials[k], N);
         struct answer s = post("/v1/sample", NULL, NULL, body);
         CHECK_INT(s.response.status, 200);
         double mean = 0, below = 0;
@@ -178,9 +186,11 @@ TEST(diffuse_materials_are_sampled)
             below += answer_component(&s, "wi", i, 2) <= 0;
         }
         /* the same integral over a grid of equal solid angles */
-        snprintf(body, sizeof body,
-                 "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":200,\"phi\":60,\"uniform\":"
-                 "\"cosine\"}},\"outputs\":[\"fr_cos\",\"pdf\"],\"tolerance\":1e-4}", materials[k]);
+        snprintf(
+            body, sizeof body,
+            "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":200,\"phi\":60,\"uniform\":"
+            "\"cosine\"}},\"outputs\":[\"fr_cos\",\"pdf\"],\"tolerance\":1e-4}",
+            materials[k]);
         struct answer e = post("/v1/eval", NULL, NULL, body);
         CHECK_INT(e.response.status, 200);
         double albedo = 0, total = 0;
@@ -196,11 +206,13 @@ TEST(diffuse_materials_are_sampled)
         double bound = answer_bound(&s);
         for (size_t i = 0; i < 20; i++) {
             if (answer_component(&s, "wi", i, 2) <= 0) continue;
-            snprintf(pair, sizeof pair, "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":[[%.17g,%.17g,%.17g]]}",
-                     materials[k], answer_component(&s, "wi", i, 0), answer_component(&s, "wi", i, 1),
-                     answer_component(&s, "wi", i, 2));
+            snprintf(pair, sizeof pair,
+                     "{\"material\":%s,\"wo\":[[0.6,0,0.8]],\"wi\":[[%.17g,%.17g,%.17g]]}",
+                     materials[k], answer_component(&s, "wi", i, 0),
+                     answer_component(&s, "wi", i, 1), answer_component(&s, "wi", i, 2));
             struct answer p = post("/v1/pdf", NULL, NULL, pair);
-            CHECK_REL(answer_number(&s, "pdf", i), answer_number(&p, "pdf", 0), bound + answer_bound(&p), 1e-30);
+            CHECK_REL(answer_number(&s, "pdf", i), answer_number(&p, "pdf", 0),
+                      bound + answer_bound(&p), 1e-30);
             answer_clear(&p);
         }
         answer_clear(&s);

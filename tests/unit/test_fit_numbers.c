@@ -30,15 +30,16 @@ static void extraction_error(const struct closed *closed, size_t n, double *ever
 {
     enum { POINTS = 3001 };
     facet_fit_source source = closed_source(closed);
-    facet_fit_convention convention =
-        closed->masking == CLOSED_CORRELATED ? FACET_FIT_CORRELATED : FACET_FIT_MASKING_ONLY;
+    facet_fit_convention convention = closed->masking == CLOSED_CORRELATED ? FACET_FIT_CORRELATED
+                                                                           : FACET_FIT_MASKING_ONLY;
     struct fit_density density;
     double median, *log_d = calloc(POINTS + n + 1, sizeof *log_d), *nodes = log_d + POINTS;
     *everywhere = *table_error = HUGE_VAL;
     if (!log_d || facet_fit_median_slope(&source, &median) != FACET_OK) return;
     double scale = SCALE_PER_MEDIAN * median;
     double start = ms();
-    CHECK_INT(facet_fit_density_create(&source, FACET_SMITH, convention, scale, n, &density), FACET_OK);
+    CHECK_INT(facet_fit_density_create(&source, FACET_SMITH, convention, scale, n, &density),
+              FACET_OK);
     check_note(n == 90 ? "ms of 90" : "ms of 360", ms() - start);
     facet_slope_table *table = NULL;
     facet_fit_density_table(&source, FACET_SMITH, convention, &density, POINTS, log_d);
@@ -50,7 +51,8 @@ static void extraction_error(const struct closed *closed, size_t n, double *ever
         double d = closed_slope_density(closed, r) * s * s;
         if (d < 1e-4 * closed_slope_density(closed, 0)) break;
         *everywhere = check_worse(*everywhere, fabs(exp(log_d[i]) / d - 1));
-        *table_error = check_worse(*table_error, fabs(exp(facet_slope_table_log_d(table, r)) / d - 1));
+        *table_error = check_worse(*table_error,
+                                   fabs(exp(facet_slope_table_log_d(table, r)) / d - 1));
     }
     facet_slope_table_destroy(table);
     facet_fit_density_clear(&density);
@@ -81,7 +83,8 @@ TEST(slope_distribution_everywhere)
             CHECK(at_360 <= rows[k].at_360);
             CHECK(table_90 <= rows[k].at_90);
             CHECK(table_360 <= rows[k].at_360);
-            snprintf(name, sizeof name, "%s%g", rows[k].ndf == FACET_GGX ? "g" : "b", rows[k].alpha);
+            snprintf(name, sizeof name, "%s%g", rows[k].ndf == FACET_GGX ? "g" : "b",
+                     rows[k].alpha);
             check_note(name, at_90);
             check_note(rows[k].at_90 < 1e-5 ? "table of 90" : "wide table of 90", table_90);
             check_note("at 360", fmax(at_360, table_360));
@@ -110,7 +113,8 @@ TEST(alpha_whatever_the_masking)
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 4; k++) {
             for (int masking = CLOSED_CORRELATED; masking <= CLOSED_SMALLER; masking++) {
-                struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .7, .2}, masking, 0, 0, 0, 0};
+                struct closed closed = {
+                    (facet_ndf)ndf, alphas[k], {.9, .7, .2}, masking, 0, 0, 0, 0};
                 facet_fit_convention convention;
                 double error = fabs(fitted_alpha(&closed, &convention) / alphas[k] - 1);
                 CHECK(error <= (ndf == FACET_GGX ? 1e-3 : 1e-6));
@@ -130,8 +134,9 @@ TEST(alpha_of_noisy_data)
         double sum = 0, count = 0;
         for (int k = 0; k < 3; k++) {
             for (int i = 0; i < trials; i++) {
-                struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .7, .2}, CLOSED_CORRELATED,
-                                        .03, 1e-4, 0, (unsigned)(i + 100 * k)};
+                struct closed closed = {
+                    (facet_ndf)ndf, alphas[k], {.9, .7, .2},           CLOSED_CORRELATED, .03,
+                    1e-4,           0,         (unsigned)(i + 100 * k)};
                 facet_fit_convention convention;
                 double error = fitted_alpha(&closed, &convention) / alphas[k] - 1;
                 sum += error * error;
@@ -163,7 +168,8 @@ TEST(fresnel_table_to_84_degrees)
     static const double alphas[] = {.02, .1, .4};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 3; k++) {
-            struct closed closed = {(facet_ndf)ndf, alphas[k], {.9, .3, .04}, CLOSED_CORRELATED, 0, 0, 0, 0};
+            struct closed closed = {
+                (facet_ndf)ndf, alphas[k], {.9, .3, .04}, CLOSED_CORRELATED, 0, 0, 0, 0};
             facet_fit_source source = closed_source(&closed);
             facet_fit_options options = {FACET_SMITH, 90, FACET_FIT_TABULATED, false, false, false};
             facet_fit fit;
@@ -173,7 +179,8 @@ TEST(fresnel_table_to_84_degrees)
             for (size_t i = 0; i < f->count; i++) {
                 if (f->cos_theta_d[i] < cos(84 * PI / 180)) continue;
                 for (int c = 0; c < 3; c++) {
-                    double q = 1 - f->cos_theta_d[i], exact = closed.f0[c] + (1 - closed.f0[c]) * q * q * q * q * q;
+                    double q = 1 - f->cos_theta_d[i],
+                           exact = closed.f0[c] + (1 - closed.f0[c]) * q * q * q * q * q;
                     worst = check_worse(worst, fabs(f->values[c][i] / exact - 1));
                 }
             }
@@ -200,9 +207,10 @@ TEST(anisotropic_roughness)
     static const double rows[3][3] = {{.05, .5, 0}, {.2, .2, .9}, {.4, .1, -.9}};
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
         for (size_t k = 0; k < 3; k++) {
-            facet_material material = {.ndf = (facet_ndf)ndf,
-                                       .roughness = {.alpha_x = rows[k][0], .alpha_y = rows[k][1], .rho = rows[k][2]},
-                                       .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+            facet_material material = {
+                .ndf = (facet_ndf)ndf,
+                .roughness = {.alpha_x = rows[k][0], .alpha_y = rows[k][1], .rho = rows[k][2]},
+                .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
             facet_brdf *brdf;
             CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
             facet_fit_source source = {evaluate_brdf, brdf, INFINITY, true, NULL};
@@ -247,19 +255,22 @@ static facet_status evaluate_masked(const void *user, facet_vec3_in wi, facet_ve
 TEST(anisotropic_hot_spot_is_recognised)
 {
     for (int ndf = FACET_GGX; ndf <= FACET_BECKMANN; ndf++) {
-        facet_material material = {.ndf = (facet_ndf)ndf,
-                                   .roughness = {.alpha_x = .6, .alpha_y = .2, .rho = -.5},
-                                   .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+        facet_material material = {
+            .ndf = (facet_ndf)ndf,
+            .roughness = {.alpha_x = .6, .alpha_y = .2, .rho = -.5},
+            .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
         facet_brdf *brdf;
         CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
         for (int masked = 0; masked < 2; masked++) {
-            facet_fit_source source = {masked ? evaluate_masked : evaluate_brdf, brdf, INFINITY, true, NULL};
+            facet_fit_source source = {masked ? evaluate_masked : evaluate_brdf, brdf, INFINITY,
+                                       true, NULL};
             facet_fit_options options = {FACET_SMITH, 90, 1u << ndf, true, false, false};
             facet_fit fit;
             CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
-            if (!fit.has_convention || fit.convention != (masked ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED))
-                check_fail(__FILE__, __LINE__, "ndf %d masked %d: has %d convention %d", ndf, masked,
-                           fit.has_convention, (int)fit.convention);
+            if (!fit.has_convention ||
+                fit.convention != (masked ? FACET_FIT_MASKING_ONLY : FACET_FIT_CORRELATED))
+                check_fail(__FILE__, __LINE__, "ndf %d masked %d: has %d convention %d", ndf,
+                           masked, fit.has_convention, (int)fit.convention);
             facet_fit_clear(&fit);
         }
         facet_brdf_destroy(brdf);
@@ -275,14 +286,16 @@ TEST(vgroove_and_normal_map)
     for (int k = 0; k < 12; k++) {
         facet_ndf ndf = k % 2 ? FACET_BECKMANN : FACET_GGX;
         double alpha = alphas[k / 4];
-        facet_material material = {.ndf = ndf,
-                                   .roughness = {.alpha_x = alpha, .alpha_y = alpha},
-                                   .masking = maskings[k / 2 % 2],
-                                   .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
+        facet_material material = {
+            .ndf = ndf,
+            .roughness = {.alpha_x = alpha, .alpha_y = alpha},
+            .masking = maskings[k / 2 % 2],
+            .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {.9, .6, .1}}};
         facet_brdf *brdf;
         CHECK_INT(facet_brdf_create(&material, &brdf), FACET_OK);
         facet_fit_source source = {evaluate_brdf, brdf, INFINITY, false, NULL};
-        facet_fit_options options = {material.masking, 90, FACET_FIT_TABULATED | 1u << ndf, false, false, false};
+        facet_fit_options options = {
+            material.masking, 90, FACET_FIT_TABULATED | 1u << ndf, false, false, false};
         facet_fit fit;
         CHECK_INT(facet_fit_create(&source, &options, NULL, &fit), FACET_OK);
         CHECK(!fit.has_convention);
@@ -307,8 +320,10 @@ TEST(what_is_no_ellipse_is_told_by_rows)
             double u = i / (N - 1.), phi = PI * j / ROWS;
             log_d[j][i] = -9 * u + u * u * (.4 * cos(2 * phi) + cos(4 * phi - 1));
         }
-    facet_material material = {.ndf = FACET_TABULATED, .roughness = {.alpha_x = .9, .alpha_y = .4, .rho = .3},
-                               .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {1, 1, 1}}};
+    facet_material material = {
+        .ndf = FACET_TABULATED,
+        .roughness = {.alpha_x = .9, .alpha_y = .4, .rho = .3},
+        .fresnel = {.kind = FACET_FRESNEL_SCHLICK, .channels = 3, .f0 = {1, 1, 1}}};
     facet_slope_table *table = NULL;
     facet_brdf *brdf = NULL;
     CHECK_INT(facet_slope_table_create_turned(.4, log_d[0], N, ROWS, &table), FACET_OK);
@@ -323,7 +338,9 @@ TEST(what_is_no_ellipse_is_told_by_rows)
     double rows = INFINITY, compact = INFINITY, others = INFINITY;
     for (size_t i = 0; i < fit.count; i++) {
         const facet_fit_candidate *c = &fit.candidate[i];
-        double *of = c->log_d_rows == FACET_FIT_ROWS ? &rows : c->log_d_rows > 1 ? &compact : &others;
+        double *of = c->log_d_rows == FACET_FIT_ROWS ? &rows
+                     : c->log_d_rows > 1             ? &compact
+                                                     : &others;
         *of = fmin(*of, c->error.rms_log);
         if (c->log_d_rows > 1) CHECK(c->bytes > c->log_d_rows * c->log_d_nodes * sizeof(double));
     }

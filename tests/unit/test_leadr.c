@@ -98,8 +98,8 @@ static void footprint(const facet_height_map *m, const facet_leadr_options *o, d
     for (int k = 0; k < 5; k++) mean[k] = 0;
     for (long q = (long)floor(y0); q < y1; q++)
         for (long p = (long)floor(x0); p < x1; p++) {
-            const double w =
-                fmax(0, fmin(x1, p + 1.0) - fmax(x0, p)) * fmax(0, fmin(y1, q + 1.0) - fmax(y0, q));
+            const double w = fmax(0, fmin(x1, p + 1.0) - fmax(x0, p)) *
+                             fmax(0, fmin(y1, q + 1.0) - fmax(y0, q));
             long double e[5];
             if (w > 1e-9) {
                 texel_moments(m, o, p, q, e);
@@ -153,10 +153,22 @@ static facet_moments mean_of(const facet_height_map *m, const facet_leadr_option
 
 TEST(every_level_is_the_mean_of_its_footprint)
 {
-    static const size_t sizes[][2] = {{1, 1}, {1, 2}, {2, 1},  {2, 2},  {3, 1},  {3, 3},
-                                      {4, 4}, {5, 7}, {8, 16}, {13, 6}, {21, 1}, {17, 31},
+    static const size_t sizes[][2] = {{1, 1},
+                                      {1, 2},
+                                      {2, 1},
+                                      {2, 2},
+                                      {3, 1},
+                                      {3, 3},
+                                      {4, 4},
+                                      {5, 7},
+                                      {8, 16},
+                                      {13, 6},
+                                      {21, 1},
+                                      {17, 31},
                                       /* batches of 2, 4 and 8 rows, the last one shorter */
-                                      {7, 521}, {4, 1030}, {3, 2053}};
+                                      {7, 521},
+                                      {4, 1030},
+                                      {3, 2053}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         for (int s = 0; s < FACET_STENCIL_COUNT; s++)
             for (int b = 0; b < FACET_BORDER_COUNT; b++) {
@@ -418,8 +430,8 @@ TEST(microsurfaces_have_their_known_slopes)
         o.border = FACET_TRIM;
         facet_leadr *leadr = NULL;
         CHECK_INT(facet_leadr_create(&m, &o, NULL, NULL, &leadr), FACET_OK);
-        const facet_leadr_level *last =
-            facet_leadr_level_at(leadr, facet_leadr_level_count(leadr) - 1);
+        const facet_leadr_level *last = facet_leadr_level_at(leadr,
+                                                             facet_leadr_level_count(leadr) - 1);
         const double rms = sqrt((double)last->plane[2][0] + last->plane[3][0]);
         CHECK_REL(rms, microsurfaces[i].rms_slope, 1e-7, 0);
         check_note("error of the rms slope", fabs(rms / microsurfaces[i].rms_slope - 1));

@@ -183,8 +183,8 @@ TEST(slopes_are_filtered_like_heights)
     for (int i = 0; slopes.rows && i < W * H; i++) {
         const int p = i % W, q = i / W;
         slopes.rows[2 * q * W + p] = 0.5f * (z[q * W + (p + 1) % W] - z[q * W + (p + W - 1) % W]);
-        slopes.rows[(2 * q + 1) * W + p] =
-            0.5f * (z[(q + 1) % H * W + p] - z[(q + H - 1) % H * W + p]);
+        slopes.rows[(2 * q + 1) * W + p] = 0.5f *
+                                           (z[(q + 1) % H * W + p] - z[(q + H - 1) % H * W + p]);
     }
     const facet_map_source source = {FACET_SLOPES, W, H, slope_row, &slopes};
     facet_leadr_options o = plain;
@@ -260,8 +260,8 @@ static double distance(double c)
     double sum = 0;
     for (int i = 0; i < CELLS; i++) {
         const double u = (i + 0.5) / CELLS, r2 = u / (1 - u);
-        const double difference =
-            1 / ((1 + r2) * (1 + r2)) - exp(-r2 / (c * c)) / (c * c); /* times 1/pi each */
+        const double difference = 1 / ((1 + r2) * (1 + r2)) -
+                                  exp(-r2 / (c * c)) / (c * c); /* times 1/pi each */
         sum += difference * difference / ((1 - u) * (1 - u));
     }
     return sum / CELLS;
@@ -290,8 +290,8 @@ TEST(lines_and_wide_maps)
         facet_leadr_options o = plain;
         o.stencil = FACET_BILINEAR;
         facet_leadr *leadr = filter(z, sizes[s][0], sizes[s][1], &o);
-        const facet_leadr_level *last =
-            facet_leadr_level_at(leadr, facet_leadr_level_count(leadr) - 1);
+        const facet_leadr_level *last = facet_leadr_level_at(leadr,
+                                                             facet_leadr_level_count(leadr) - 1);
         CHECK(last->width == 1 && last->height == 1);
         long double sum = 0;
         for (size_t i = 0; i < n; i++) {

@@ -68,8 +68,9 @@ TEST(arrays_and_their_flaws)
 
 TEST(what_holds_more_than_numbers_is_left)
 {
-    static const char *const left[] = {"[]", "[[]]", "[\"a\"]", "[1,\"a\"]", "[1,{}]", "[{}]",
-                                       "[null,1]", "[[],[1]]", "\"[1,2]\"", "{\"[1]\":\"[1,2,3]\"}"};
+    static const char *const left[] = {
+        "[]",   "[[]]",     "[\"a\"]",  "[1,\"a\"]", "[1,{}]",
+        "[{}]", "[null,1]", "[[],[1]]", "\"[1,2]\"", "{\"[1]\":\"[1,2,3]\"}"};
     for (size_t i = 0; i < sizeof left / sizeof *left; i++) {
         struct trial t = read_text(left[i]);
         CHECK(t.ok);
@@ -92,9 +93,18 @@ static bool has_integer(json_t *json)
 /* An integer stands for an array of the document: no text may spell one. */
 TEST(no_text_makes_an_integer)
 {
-    static const char *const texts[] = {"0", "-0", "7", "[0,{}]", "{\"a\":1,\"b\":[\"x\",2]}",
-                                        "{\"a\":12345678901234567890}", "[{},-3]", "1e0", "0e0",
-                                        "[[[0]],{}]", "{\"0\":0}", "[\"0\",0]"};
+    static const char *const texts[] = {"0",
+                                        "-0",
+                                        "7",
+                                        "[0,{}]",
+                                        "{\"a\":1,\"b\":[\"x\",2]}",
+                                        "{\"a\":12345678901234567890}",
+                                        "[{},-3]",
+                                        "1e0",
+                                        "0e0",
+                                        "[[[0]],{}]",
+                                        "{\"0\":0}",
+                                        "[\"0\",0]"};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         struct trial t = read_text(texts[i]);
         CHECK(t.ok);
@@ -131,7 +141,8 @@ TEST(refusals_say_where)
     check_refused("[\"\",1[1]]", 400, "line 1 column ");
     check_refused("[\"\",-[1]]", 400, "line 1 column ");
     /* Behind arrays, and integers, that the text does not hold: the place in what was sent. */
-    check_refused("{\"a\":[1,2,3],\"b\":[[1,2],[3,4]],\n \"c\":7,\"d\":8 \"e\"}", 400, "line 2 column 16");
+    check_refused("{\"a\":[1,2,3],\"b\":[[1,2],[3,4]],\n \"c\":7,\"d\":8 \"e\"}", 400,
+                  "line 2 column 16");
     check_refused("{\"a\":[1,2,\n3],\n\"b\":[4],}", 400, "line 3 column 9");
 }
 
@@ -149,9 +160,10 @@ TEST(memory_is_that_of_the_numbers)
         if (k < 3) {
             CHECK(t.ok);
             CHECK(held <= LIMIT_JSON_MEMORY * (size_t)BYTES + 65536);
-            CHECK_INT(t.document.arrays[0].count, t.document.arrays[0].nested
-                                                      ? t.document.arrays[0].rows * t.document.arrays[0].columns
-                                                      : t.document.arrays[0].count);
+            CHECK_INT(t.document.arrays[0].count,
+                      t.document.arrays[0].nested
+                          ? t.document.arrays[0].rows * t.document.arrays[0].columns
+                          : t.document.arrays[0].count);
         } else {
             CHECK_INT(t.problem.status, 413);
         }

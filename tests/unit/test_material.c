@@ -11,9 +11,9 @@ static double number(const struct answer *a, const char *object, const char *mem
 
 TEST(moments_come_back_in_every_form)
 {
-    struct answer a =
-        ask_post("/v1/material",
-                 "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0.1,-0.2,0.06,0.17,-0.015]}}");
+    struct answer a = ask_post(
+        "/v1/material",
+        "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0.1,-0.2,0.06,0.17,-0.015]}}");
     CHECK_INT(a.response.status, 200);
     CHECK_REL(number(&a, "bivariate", "alpha_x"), sqrt(2 * (0.06 - 0.01)), 1e-14, 0);
     CHECK_REL(number(&a, "bivariate", "alpha_y"), sqrt(2 * (0.17 - 0.04)), 1e-14, 0);
@@ -29,9 +29,9 @@ TEST(moments_come_back_in_every_form)
 
 TEST(parameters_give_moments_that_give_the_parameters)
 {
-    struct answer a =
-        ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":0.2,\"alpha_y\":"
-                                 "0.4,\"rho\":0.5,\"mean_slope\":[0.3,0.7]}}");
+    struct answer a = ask_post("/v1/material",
+                               "{\"material\":{\"ndf\":\"beckmann\",\"alpha_x\":0.2,\"alpha_y\":"
+                               "0.4,\"rho\":0.5,\"mean_slope\":[0.3,0.7]}}");
     char body[400];
     snprintf(body, sizeof body,
              "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[%.17g,%.17g,%.17g,%.17g,%.17g]}}",
@@ -48,8 +48,8 @@ TEST(parameters_give_moments_that_give_the_parameters)
 
 TEST(the_ellipse_comes_back)
 {
-    struct answer a =
-        ask_post("/v1/material", "{\"material\":{\"alpha_1\":0.5,\"alpha_2\":0.1,\"phi\":0.4}}");
+    struct answer a = ask_post("/v1/material",
+                               "{\"material\":{\"alpha_1\":0.5,\"alpha_2\":0.1,\"phi\":0.4}}");
     CHECK_INT(a.response.status, 200);
     CHECK_REL(number(&a, "ellipse", "alpha_1"), 0.5, 1e-14, 0);
     CHECK_REL(number(&a, "ellipse", "alpha_2"), 0.1, 1e-13, 0);
@@ -62,9 +62,9 @@ TEST(the_ellipse_comes_back)
 
 TEST(flags)
 {
-    struct answer a =
-        ask_post("/v1/material",
-                 "{\"material\":{\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[1,1,0.5]}}}}");
+    struct answer a = ask_post(
+        "/v1/material",
+        "{\"material\":{\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[1,1,0.5]}}}}");
     CHECK(json_is_true(json_object_get(a.json, "isotropic")));
     CHECK(json_is_true(json_object_get(a.json, "central")));
     CHECK(json_is_true(json_object_get(a.json, "coloured")));
@@ -74,8 +74,8 @@ TEST(flags)
 
 TEST(a_covariance_that_is_not_positive_is_named)
 {
-    struct answer a =
-        ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[1,0,1,1,0]}}");
+    struct answer a = ask_post("/v1/material",
+                               "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[1,0,1,1,0]}}");
     CHECK_INT(a.response.status, 422);
     CHECK_STR(answer_error(&a, "pointer"), "/material/moments");
     CHECK_STR(answer_error(&a, "detail"),

@@ -103,9 +103,9 @@ TEST(base_is_a_process_below)
 
 TEST(a_ggx_base_says_what_it_became)
 {
-    struct answer a =
-        ask_post("/v1/material", "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,0,0,0],"
-                                 "\"base\":{\"ndf\":\"ggx\",\"alpha\":0.3}}}");
+    struct answer a = ask_post("/v1/material",
+                               "{\"material\":{\"ndf\":\"beckmann\",\"moments\":[0,0,0,0,0],"
+                               "\"base\":{\"ndf\":\"ggx\",\"alpha\":0.3}}}");
     CHECK_INT(a.response.status, 200);
     CHECK(answer_text(&a, "note"));
     CHECK_REL(answer_value(json_object_get(json_object_get(a.json, "bivariate"), "alpha_x")),

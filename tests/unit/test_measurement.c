@@ -68,7 +68,8 @@ TEST(utia_layout_and_interpolation)
         reader_direction((k % 6) * PI / 12, (k * 7 % 48) * PI / 24, i);
         reader_direction((k % 5) * PI / 12, (k * 11 % 48) * PI / 24 + 1e-9, w);
         CHECK(reader_ask(&o.m.source, i, w, rgb));
-        for (int c = 0; c < 3; c++) CHECK_REL(rgb[c], ggx(.5, .3, i, w, .5, .1) * (1 - .2 * c), 1e-6, 0);
+        for (int c = 0; c < 3; c++)
+            CHECK_REL(rgb[c], ggx(.5, .3, i, w, .5, .1) * (1 - .2 * c), 1e-6, 0);
     }
     reader_direction(PI / 6, PI / 24 * 47.5, i); /* between the last azimuth and the first */
     reader_direction(PI / 12 * 2.5, 1, w);
@@ -111,7 +112,8 @@ TEST(utia_is_fitted)
     if (!bytes) return;
     struct answer answer = post("model=ggx&tolerance=0.001", NULL, bytes, UTIA_SIZE);
     CHECK_INT(answer.response.status, 200);
-    CHECK_REL(number_of(&answer, "material", "alpha_x"), .6, 1e-3, 0); /* coloured as a whole, which Schlick is not */
+    CHECK_REL(number_of(&answer, "material", "alpha_x"), .6, 1e-3,
+              0); /* coloured as a whole, which Schlick is not */
     CHECK_REL(number_of(&answer, "material", "alpha_y"), .4, 1e-3, 0);
     CHECK(fabs(number_of(&answer, "material", "rho")) < 1e-4);
     CHECK(number_of(&answer, "error", "rms_log") < 5e-3);
@@ -154,7 +156,8 @@ TEST(csv_is_fitted)
     struct answer answer = post("tolerance=0.01", "text/csv", text, strlen(text));
     CHECK_INT(answer.response.status, 200);
     CHECK_REL(number_of(&answer, "material", "alpha"), .2, 1e-4, 0);
-    CHECK_STR(json_string_value(json_object_get(json_object_get(answer.json, "data"), "format")), "csv");
+    CHECK_STR(json_string_value(json_object_get(json_object_get(answer.json, "data"), "format")),
+              "csv");
     CHECK_INT(number_of(&answer, "data", "values"), 3000);
     CHECK(number_of(&answer, "error", "rms_log") < 1e-4);
     answer_clear(&answer);
@@ -172,7 +175,10 @@ TEST(csv_rules)
     struct reader o;
     char text[4000] = "r,g,b,theta_i,phi_i,theta_o,phi_o\n", *at = text + strlen(text);
     for (int k = 0; k < 20; k++)
-        at += sprintf(at, "%s;%d ; 2,0.%d 0.1\t0.3 , 0\n", k == 3 ? "nan" : k == 4 ? "" : "1",
+        at += sprintf(at, "%s;%d ; 2,0.%d 0.1\t0.3 , 0\n",
+                      k == 3   ? "nan"
+                      : k == 4 ? ""
+                               : "1",
                       k == 5 ? -1 : 1, k + 1);
     at += sprintf(at, "1;-nan,0,0.1,0.3,0.1,0\nNan;+NAN,nAn,0.1,0.3,0.1,0\n");
     CHECK(reader_open(&o, text, strlen(text), FORMAT_CSV));
@@ -191,7 +197,8 @@ TEST(csv_rules)
     reader_refuses("0.1,0,1.6,0,1,1,1\n", 18, FORMAT_CSV, "theta_o 1.6");
     reader_refuses("0.1,0,x,0,1,1,1\n", 16, FORMAT_CSV, "\"x\"");
     reader_refuses("0.1,0,0.2,0,inf,1,1\n", 20, FORMAT_CSV, "r inf is outside [-1e30, 1e30]");
-    reader_refuses("0.1,0,0.2,0,1,-1e308,1\n", 23, FORMAT_CSV, "line 1: g -1e308 is outside [-1e30, 1e30]");
+    reader_refuses("0.1,0,0.2,0,1,-1e308,1\n", 23, FORMAT_CSV,
+                   "line 1: g -1e308 is outside [-1e30, 1e30]");
     reader_refuses("nan,0,0.2,0,1,1,1\n", 18, FORMAT_CSV, "\"nan\" is not a number for theta_i");
     reader_refuses("theta_i,phi_i,theta_o,phi_o,r,g,x\n", 34, FORMAT_CSV, "\"x\"");
     reader_refuses("theta_i,phi_i,theta_o,phi_o,r,g,g\n", 34, FORMAT_CSV, "there twice");
@@ -254,7 +261,8 @@ static struct answer fit_absurd(int kind)
     unsigned state = 5;
     for (int k = 0; k < N; k++) {
         double ti = 1.3 * fraction(&state), pi = 6 * fraction(&state), i[3], o[3];
-        double to = k % 2 ? fmin(1.4, fabs(ti + .1 * (fraction(&state) - .5))) : 1.3 * fraction(&state);
+        double to = k % 2 ? fmin(1.4, fabs(ti + .1 * (fraction(&state) - .5)))
+                          : 1.3 * fraction(&state);
         double po = k % 2 ? pi + .1 * (fraction(&state) - .5) : 6 * fraction(&state);
         reader_direction(ti, pi, i);
         reader_direction(to, po, o);
@@ -286,7 +294,8 @@ TEST(what_is_no_microfacet_surface_is_not_fitted)
 /* alta/retro-*.dat: theta_l, theta_v (cos, sin) dphi, f_r, here with cos theta_v in one of them. */
 TEST(measured_retro_reflectors)
 {
-    static const char *const names[] = {"brdf/alta/retro-3M-jaune.dat", "brdf/alta/retro-gray-tape.dat"};
+    static const char *const names[] = {"brdf/alta/retro-3M-jaune.dat",
+                                        "brdf/alta/retro-gray-tape.dat"};
     for (int k = 0; k < 2; k++) {
         const char *path = check_data(names[k]);
         FILE *file = path ? fopen(path, "r") : NULL;

@@ -89,11 +89,14 @@ TEST(a_failed_allocation_is_an_answer)
 TEST(a_table_that_finds_no_memory_is_no_missing_bound)
 {
     static const char *const bodies[][2] = {
-        {"/v1/sample", "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":2,\"sampler\":\"table\",\"tolerance\":1e-5}"},
-        {"/v1/pdf", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wi\":[[0,0,1]],\"wo\":[[0,0,1]],\"sampler\":\"table\",\"tolerance\":1e-5}"},
+        {"/v1/sample",
+         "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":2,\"sampler\":\"table\",\"tolerance\":1e-5}"},
+        {"/v1/pdf",
+         "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wi\":[[0,0,1]],\"wo\":[[0,0,1]],\"sampler\":\"table\",\"tolerance\":1e-5}"},
     };
     for (size_t i = 0; i < sizeof bodies / sizeof *bodies; i++) {
-        const struct endpoint endpoint = {.method = "POST", .path = bodies[i][0], .example = bodies[i][1]};
+        const struct endpoint endpoint = {
+            .method = "POST", .path = bodies[i][0], .example = bodies[i][1]};
         long n = 0;
         while (n < 5000 && fail_at(&endpoint, n, false)) n++;
         CHECK(n > 1);
@@ -139,7 +142,8 @@ TEST(a_failed_allocation_in_a_form)
     form_end(&sample);
     struct answer warm = ask("GET", "/healthz", NULL);
     answer_clear(&warm);
-    static const char *const accept[] = {"application/zip", "application/octet-stream", "application/json"};
+    static const char *const accept[] = {"application/zip", "application/octet-stream",
+                                         "application/json"};
     for (size_t k = 0; k < sizeof accept / sizeof *accept; k++) {
         for (long n = 0; n < 5000 && fail_in_form("/v1/eval", &form, accept[k], n); n++)
             check_note("allocations, eval", (double)n);
@@ -154,8 +158,9 @@ TEST(a_failed_allocation_in_a_form)
 /* The same for a stream: what fails before it begins is an answer, what fails later ends it. */
 static bool fail_in_stream(const char *accept, long n)
 {
-    static const char body[] = "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"D\"],"
-                               "\"dtype\":\"float64\",\"wi\":{\"grid\":{\"theta\":256,\"phi\":270}}}";
+    static const char body[] =
+        "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"D\"],"
+        "\"dtype\":\"float64\",\"wi\":{\"grid\":{\"theta\":256,\"phi\":270}}}";
     const struct api_request request = {.method = "POST",
                                         .path = "/v1/eval",
                                         .accept = accept,
@@ -172,7 +177,8 @@ static bool fail_in_stream(const char *accept, long n)
     while (response.stream && got > 0) got = api_stream_next(response.stream, bytes, sizeof bytes);
     left = -1;
     if (early ? response.status != 503 : response.status != 200 || got != (hit ? -1 : 0))
-        check_fail(__FILE__, __LINE__, "%d, then %ld, with allocation %ld failing", response.status, got, n);
+        check_fail(__FILE__, __LINE__, "%d, then %ld, with allocation %ld failing", response.status,
+                   got, n);
     api_response_clear(&response);
     return hit;
 }
@@ -253,8 +259,10 @@ TEST(a_failed_allocation_in_a_fit)
     struct answer warm = ask("GET", "/healthz", NULL);
     answer_clear(&warm);
     for (int k = 0; k < 24; k++)
-        at += sprintf(at, "%g,0,%g,%g,%g,.2,.1\n", .05 * k, .04 * k, 3.1 + .1 * (k % 3), .3 + 1. / (1 + k));
-    for (long n = 0; n < 5000 && fail_in_fit(csv, "model=ggx&export=gltf", NULL, n); n += 1 + n / 40)
+        at += sprintf(at, "%g,0,%g,%g,%g,.2,.1\n", .05 * k, .04 * k, 3.1 + .1 * (k % 3),
+                      .3 + 1. / (1 + k));
+    for (long n = 0; n < 5000 && fail_in_fit(csv, "model=ggx&export=gltf", NULL, n);
+         n += 1 + n / 40)
         check_note("allocations", (double)n);
 }
 
@@ -262,12 +270,15 @@ TEST(a_failed_allocation_in_a_fit)
 TEST(a_failed_allocation_in_what_few_materials_have)
 {
     static const char *const requests[][2] = {
-        {"/v1/albedo", "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
-                       "\"wo\":[[0,0,1],[0,0.6,-0.8]],\"tolerance\":0.01}"},
-        {"/v1/sample", "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
-                       "\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"u_lobe\":[0.5],\"outputs\":[\"wi\"]}"},
-        {"/v1/sample", "{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[[0,-1,-2,-3],[0,-1,-2,-4],"
-                       "[0,-1,-2,-4],[0,-1,-2,-3]]}},\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"outputs\":[\"wi\"]}"},
+        {"/v1/albedo",
+         "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
+         "\"wo\":[[0,0,1],[0,0.6,-0.8]],\"tolerance\":0.01}"},
+        {"/v1/sample",
+         "{\"material\":{\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}},"
+         "\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"u_lobe\":[0.5],\"outputs\":[\"wi\"]}"},
+        {"/v1/sample",
+         "{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[[0,-1,-2,-3],[0,-1,-2,-4],"
+         "[0,-1,-2,-4],[0,-1,-2,-3]]}},\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],\"outputs\":[\"wi\"]}"},
     };
     struct answer warm = ask("GET", "/healthz", NULL);
     answer_clear(&warm);

@@ -133,8 +133,8 @@ TEST(damaged_files)
     if (!bytes) return;
     static const size_t sizes[] = {0, 1, 11, 12, 13, MERL_SIZE - 1};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        unsigned char *cut =
-            malloc(sizes[i] ? sizes[i] : 1); /* an overrun is seen by the sanitizer */
+        unsigned char *cut = malloc(sizes[i] ? sizes[i]
+                                             : 1); /* an overrun is seen by the sanitizer */
         if (!cut) return;
         memcpy(cut, bytes, sizes[i]);
         CHECK(api_merl_matches(cut, sizes[i]) == (sizes[i] >= 12));

@@ -28,7 +28,8 @@ static void check_moments(const facet_moments *a, const facet_moments *b, double
 
 TEST(known_values)
 {
-    const facet_roughness r = {.alpha_x = 0.5, .alpha_y = 0.25, .rho = 0.5, .slope_x = 0.125, .slope_y = -0.25};
+    const facet_roughness r = {
+        .alpha_x = 0.5, .alpha_y = 0.25, .rho = 0.5, .slope_x = 0.125, .slope_y = -0.25};
     const facet_moments m = facet_moments_from_roughness(&r);
     CHECK(m.e1 == 0.125 && m.e2 == -0.25);
     CHECK(m.e3 == 0.125 + 0.015625);
@@ -140,7 +141,11 @@ TEST(add)
         const double xx = a.alpha_x * a.alpha_x + b.alpha_x * b.alpha_x;
         const double yy = a.alpha_y * a.alpha_y + b.alpha_y * b.alpha_y;
         const double xy = a.rho * a.alpha_x * a.alpha_y + b.rho * b.alpha_x * b.alpha_y;
-        const facet_roughness r = {.alpha_x = sqrt(xx), .alpha_y = sqrt(yy), .rho = xy / sqrt(xx * yy), .slope_x = a.slope_x + b.slope_x, .slope_y = a.slope_y + b.slope_y};
+        const facet_roughness r = {.alpha_x = sqrt(xx),
+                                   .alpha_y = sqrt(yy),
+                                   .rho = xy / sqrt(xx * yy),
+                                   .slope_x = a.slope_x + b.slope_x,
+                                   .slope_y = a.slope_y + b.slope_y};
         const facet_moments want = facet_moments_from_roughness(&r);
         check_moments(&sum, &want, 1e-14);
         check_moments(&sum, &other, 1e-15);

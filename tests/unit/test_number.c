@@ -43,7 +43,9 @@ static double any_double(struct rng *rng)
 /* In the middle of an array: more bytes behind it may be read. */
 static void check_followed(const char *text, size_t size, double expected)
 {
-    static const char *const tails[] = {",0.123456789,-0.98765432109876543", "]  1234567890123456789012345678", " \xff\xb0\x3a////////////////////////////"};
+    static const char *const tails[] = {",0.123456789,-0.98765432109876543",
+                                        "]  1234567890123456789012345678",
+                                        " \xff\xb0\x3a////////////////////////////"};
     char long_text[400];
     double parsed = -7;
     const char *tail = tails[size % 3];
@@ -52,7 +54,8 @@ static void check_followed(const char *text, size_t size, double expected)
     strcpy(long_text + size, tail);
     const char *end = api_number_parse(long_text, long_text + size + strlen(tail), &parsed);
     if (end != long_text + size || bits_of(parsed) != bits_of(expected))
-        check_fail(__FILE__, __LINE__, "%.60s (%zu bytes) and more is %.17g, not %.17g", text, size, parsed, expected);
+        check_fail(__FILE__, __LINE__, "%.60s (%zu bytes) and more is %.17g, not %.17g", text, size,
+                   parsed, expected);
 }
 
 /* Parsed from a buffer of exactly its size, so that asan sees a byte too many. */
@@ -152,20 +155,53 @@ TEST(halves_parse_as_strtod_does)
 TEST(powers_of_ten_and_corners)
 {
     static const char *const corners[] = {
-        "0", "-0", "0.0", "0e5", "-0.000e-400", "1", "5e-324", "2.4703282292062327e-324",
-        "2.4703282292062328e-324", "4.9406564584124654e-324", "2.2250738585072011e-308",
-        "2.2250738585072014e-308", "2.2250738585072012e-308", "1.7976931348623157e308",
-        "1.7976931348623158e308", "1.7976931348623159e308", "1.8e308", "1e309", "1e999", "-1e999",
-        "1e-999", "1e99999999999999999999", "1e-99999999999999999999", "0e99999999999999999999",
-        "9007199254740993", "9007199254740992", "9007199254740995", "18446744073709551615",
-        "18446744073709551616", "9999999999999999999", "99999999999999999999", "0.5", "0.1", "0.3",
+        "0",
+        "-0",
+        "0.0",
+        "0e5",
+        "-0.000e-400",
+        "1",
+        "5e-324",
+        "2.4703282292062327e-324",
+        "2.4703282292062328e-324",
+        "4.9406564584124654e-324",
+        "2.2250738585072011e-308",
+        "2.2250738585072014e-308",
+        "2.2250738585072012e-308",
+        "1.7976931348623157e308",
+        "1.7976931348623158e308",
+        "1.7976931348623159e308",
+        "1.8e308",
+        "1e309",
+        "1e999",
+        "-1e999",
+        "1e-999",
+        "1e99999999999999999999",
+        "1e-99999999999999999999",
+        "0e99999999999999999999",
+        "9007199254740993",
+        "9007199254740992",
+        "9007199254740995",
+        "18446744073709551615",
+        "18446744073709551616",
+        "9999999999999999999",
+        "99999999999999999999",
+        "0.5",
+        "0.1",
+        "0.3",
         "1.00000000000000011102230246251565404236316680908203125",
         "1.00000000000000011102230246251565404236316680908203124",
         "1.00000000000000011102230246251565404236316680908203126",
         "0.00000000000000000000000000000000000000000000000000000000000000000000000000012345678901234567",
         "100000000000000000000000000000000000000000000000000000000000000000e-60",
-        "89255.0e-22", "104110013277974872254e-225", "12345678", "123456789", "1234567812345678",
-        "0.12345678", "0.123456781", "123456781234567812345678.12345678",
+        "89255.0e-22",
+        "104110013277974872254e-225",
+        "12345678",
+        "123456789",
+        "1234567812345678",
+        "0.12345678",
+        "0.123456781",
+        "123456781234567812345678.12345678",
     };
     for (size_t i = 0; i < sizeof corners / sizeof *corners; i++)
         check_parse(corners[i], strlen(corners[i]));
@@ -193,13 +229,15 @@ TEST(what_is_no_number)
     static const struct {
         const char *text;
         int length; /* of the number it begins with; 0: none */
-    } texts[] = {{"", 0},      {"-", 0},    {"+1", 0},   {".5", 0},   {"1.", 0},     {"1.e5", 0},
-                 {"1e", 0},    {"1e+", 0},  {"-.1", 0},  {"e5", 0},   {"01", 1},     {"-01", 2},
-                 {"1.5.2", 3}, {"12a", 2},  {"1e5.0", 3}, {"nan", 0}, {"Infinity", 0}, {"0x10", 1},
-                 {"1,2", 1},   {"1 ", 1},   {"- 1", 0},  {"--1", 0},  {"1e5e5", 3}, {"\xef\xbc\x91", 0}};
+    } texts[] = {{"", 0},     {"-", 0},        {"+1", 0},    {".5", 0},          {"1.", 0},
+                 {"1.e5", 0}, {"1e", 0},       {"1e+", 0},   {"-.1", 0},         {"e5", 0},
+                 {"01", 1},   {"-01", 2},      {"1.5.2", 3}, {"12a", 2},         {"1e5.0", 3},
+                 {"nan", 0},  {"Infinity", 0}, {"0x10", 1},  {"1,2", 1},         {"1 ", 1},
+                 {"- 1", 0},  {"--1", 0},      {"1e5e5", 3}, {"\xef\xbc\x91", 0}};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         double value;
-        const char *text = texts[i].text, *end = api_number_parse(text, text + strlen(text), &value);
+        const char *text = texts[i].text,
+                   *end = api_number_parse(text, text + strlen(text), &value);
         if (end != (texts[i].length ? text + texts[i].length : NULL))
             check_fail(__FILE__, __LINE__, "\"%s\" ends at %td", text, end ? end - text : -1);
     }
@@ -248,7 +286,8 @@ TEST(digits_print_as_printf_does)
     for (long i = draws(); i > 0; i--) {
         double x = i % 2 ? any_double(&rng) : rng_log(&rng, 1e-7, 1e4);
         /* few bits: exact halves */
-        if (i % 5 == 0) x = floor(1 + 4096 * rng_uniform(&rng)) * ldexp(1, (int)(24 * rng_uniform(&rng)) - 12);
+        if (i % 5 == 0)
+            x = floor(1 + 4096 * rng_uniform(&rng)) * ldexp(1, (int)(24 * rng_uniform(&rng)) - 12);
         check_digits(x, 1 + (int)(17 * rng_uniform(&rng)));
     }
     for (int q = -323; q <= 308; q++)
@@ -312,12 +351,29 @@ TEST(how_numbers_look)
     static const struct {
         double x;
         const char *text;
-    } numbers[] = {{0, "0"}, {-0.0, "-0"}, {1, "1"}, {-1, "-1"}, {100, "100"}, {1000, "1e3"},
-                   {10000, "1e4"}, {1234, "1234"}, {0.1, "0.1"}, {0.001, "0.001"}, {1e-4, "0.0001"},
-                   {1e-5, "1e-5"}, {1.5e-8, "1.5e-8"}, {1e22, "1e22"}, {123456, "123456"},
-                   {0.30000000000000004, "0.30000000000000004"}, {4194304, "4194304"},
-                   {5e-324, "5e-324"}, {1.7976931348623157e308, "1.7976931348623157e308"},
-                   {INFINITY, "null"}, {-INFINITY, "null"}, {NAN, "null"}, {2097152.5, "2097152.5"}};
+    } numbers[] = {{0, "0"},
+                   {-0.0, "-0"},
+                   {1, "1"},
+                   {-1, "-1"},
+                   {100, "100"},
+                   {1000, "1e3"},
+                   {10000, "1e4"},
+                   {1234, "1234"},
+                   {0.1, "0.1"},
+                   {0.001, "0.001"},
+                   {1e-4, "0.0001"},
+                   {1e-5, "1e-5"},
+                   {1.5e-8, "1.5e-8"},
+                   {1e22, "1e22"},
+                   {123456, "123456"},
+                   {0.30000000000000004, "0.30000000000000004"},
+                   {4194304, "4194304"},
+                   {5e-324, "5e-324"},
+                   {1.7976931348623157e308, "1.7976931348623157e308"},
+                   {INFINITY, "null"},
+                   {-INFINITY, "null"},
+                   {NAN, "null"},
+                   {2097152.5, "2097152.5"}};
     char text[NUMBER_ROOM];
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         CHECK_INT(api_number_print(text, numbers[i].x), strlen(numbers[i].text));
@@ -342,7 +398,9 @@ static float float_of(uint32_t bits)
 TEST(floats_round_trip)
 {
     const char *wanted = getenv("FACET_NUMBERS");
-    uint32_t step = wanted && !strcmp(wanted, "all") ? 1 : (uint32_t)(0x1p32 / ((double)draws() + 1)) | 1;
+    uint32_t step = wanted && !strcmp(wanted, "all")
+                        ? 1
+                        : (uint32_t)(0x1p32 / ((double)draws() + 1)) | 1;
     uint64_t count = 0;
     for (uint64_t i = 0; i < UINT64_C(1) << 32; i += step) {
         char text[NUMBER_ROOM];
@@ -351,7 +409,8 @@ TEST(floats_round_trip)
         if (!isfinite(x)) continue;
         int n = api_number_print_digits(text, x, 9);
         const char *end = api_number_parse(text, text + n, &back);
-        if (end != text + n || (float)back != x) check_fail(__FILE__, __LINE__, "%.9g gives %s", x, text);
+        if (end != text + n || (float)back != x)
+            check_fail(__FILE__, __LINE__, "%.9g gives %s", x, text);
         n = api_number_print(text, x);
         end = api_number_parse(text, text + n, &back);
         if (end != text + n || back != x) check_fail(__FILE__, __LINE__, "%.9g gives %s", x, text);

@@ -51,9 +51,9 @@ static struct file *make_png(int colour, int depth, bool interlaced, bool grey, 
     struct file *f = calloc(1, sizeof *f);
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, fatal, NULL);
     png_infop info = png_create_info_struct(png);
-    const int samples =
-        (colour & PNG_COLOR_MASK_COLOR && colour != PNG_COLOR_TYPE_PALETTE ? 3 : 1) +
-        !!(colour & PNG_COLOR_MASK_ALPHA);
+    const int samples = (colour & PNG_COLOR_MASK_COLOR && colour != PNG_COLOR_TYPE_PALETTE ? 3
+                                                                                           : 1) +
+                        !!(colour & PNG_COLOR_MASK_ALPHA);
     if (!f) fatal(png, "out of memory");
     png_set_write_fn(png, f, file_write, file_flush);
     png_set_IHDR(png, info, WIDTH, HEIGHT, depth, colour,
@@ -263,8 +263,9 @@ TEST(real_maps_of_16_bits)
             CHECK_STR(image.type, "16-bit");
             double worst = 0;
             for (size_t p = 0; image.values && p < width * height; p++)
-                worst = check_worse(worst, fabs(maps[i].low +
-                                         image.values[p] * (maps[i].high - maps[i].low) - z[p]));
+                worst = check_worse(
+                    worst,
+                    fabs(maps[i].low + image.values[p] * (maps[i].high - maps[i].low) - z[p]));
             check_note("worst error in steps", worst * 65535 / (maps[i].high - maps[i].low));
             /* Half a step, and the five or six digits the ends are given with. */
             CHECK(worst < 0.6 * (maps[i].high - maps[i].low) / 65535 + 5e-12);

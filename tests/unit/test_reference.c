@@ -64,7 +64,8 @@ TEST(brdf_of_the_thesis)
 /* V-groove and normal map on a central surface as thesis table 2.IV prints them. */
 TEST(other_maskings_of_the_thesis)
 {
-    facet_material m = material(FACET_GGX, (facet_roughness){.alpha_x = 0.4, .alpha_y = 0.7, .rho = 0.3});
+    facet_material m = material(FACET_GGX,
+                                (facet_roughness){.alpha_x = 0.4, .alpha_y = 0.7, .rho = 0.3});
     const double wi[3] = {0.936, 0.28, sqrt(1 - 0.936 * 0.936 - 0.28 * 0.28)},
                  wo[3] = {-0.64, 0.48, 0.6};
     double H[3], size = 0;

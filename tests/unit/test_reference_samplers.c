@@ -15,8 +15,10 @@ static const double views[][3] = {{0, 0, 1}, {0.48, -0.36, 0.8}, {-0.6, 0.795989
 
 static facet_material material(int ndf, int surface)
 {
-    return (facet_material){.ndf = (facet_ndf)ndf, .roughness = surfaces[surface],
-                            .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1, .eta = {1.5}}};
+    return (facet_material){
+        .ndf = (facet_ndf)ndf,
+        .roughness = surfaces[surface],
+        .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1, .eta = {1.5}}};
 }
 
 static quad triple(const quad a[3], const quad b[3], const quad c[3])
@@ -31,8 +33,8 @@ static double size_of(quad x)
 }
 
 /* pdf |d wi / d(u1, u2)| = 1, by central differences. */
-static double jacobian_error(enum reference_method method, const facet_material *m, const double wo[3],
-                             double u1, double u2)
+static double jacobian_error(enum reference_method method, const facet_material *m,
+                             const double wo[3], double u1, double u2)
 {
     const double step = 0x1p-20;
     struct reference_sample at, left, right, low, high;
@@ -56,15 +58,18 @@ TEST(every_pdf_is_the_density_of_its_sampler)
             for (int s = 0; s < 5; s++)
                 for (int v = 0; v < 3; v++)
                     for (int k = 0; k < 4; k++) {
-                        bool ggx_only = method == REFERENCE_BOUNDED || method == REFERENCE_SLOPE_GGX;
+                        bool ggx_only = method == REFERENCE_BOUNDED ||
+                                        method == REFERENCE_SLOPE_GGX;
                         if (ggx_only && ndf != FACET_GGX) continue;
                         facet_material m = material(ndf, s);
                         double u1 = 0.15 + 0.22 * k, u2 = 0.9 - 0.17 * k;
-                        double error = jacobian_error((enum reference_method)method, &m, views[v], u1, u2);
+                        double error = jacobian_error((enum reference_method)method, &m, views[v],
+                                                      u1, u2);
                         check_note("error", error);
                         if (!(error < 1e-8))
-                            check_fail(__FILE__, __LINE__, "method %d ndf %d surface %d view %d: %g", method,
-                                       ndf, s, v, error);
+                            check_fail(__FILE__, __LINE__,
+                                       "method %d ndf %d surface %d view %d: %g", method, ndf, s, v,
+                                       error);
                     }
 }
 
@@ -102,7 +107,8 @@ TEST(vcavity_pdf_is_that_of_the_twins)
                 for (int j = 0; j < 3; j++) H[j] = 2 * oh * t.h[0][j];
                 /* h itself kept, or drawn as the twin of its own twin: both with chance 1 - chance. */
                 quad density = 2 * reference_ndf(&m, H) * t.h[0][2] * (1 - t.chance) / (4 * oh);
-                CHECK_REL((double)density, (double)reference_vcavity_pdf(&m, views[v], H), 1e-14, 0);
+                CHECK_REL((double)density, (double)reference_vcavity_pdf(&m, views[v], H), 1e-14,
+                          0);
             }
 }
 
@@ -111,7 +117,8 @@ static void move(const quad h[3], const quad along[3], quad step, quad out[3])
     quad length = 0;
     for (int j = 0; j < 3; j++) out[j] = h[j] + step * along[j];
     for (int j = 0; j < 3; j++) length += out[j] * out[j];
-    for (int j = 0; j < 3; j++) out[j] *= (3 - length) / 2; /* Newton's step to length 1: error step^4 */
+    for (int j = 0; j < 3; j++)
+        out[j] *= (3 - length) / 2; /* Newton's step to length 1: error step^4 */
 }
 
 /* Snell's law, the way back to h, d omega_h / d omega_i, and f cos / pdf = G / G1. */
@@ -123,7 +130,8 @@ TEST(refraction)
             facet_material m = material(FACET_GGX, 1);
             m.fresnel.eta[0] = etas[e];
             const double wo[3] = {side * 0.48, side * -0.36, side * 0.8};
-            const quad h[3] = {0.6 * 0.28, 0.8 * 0.28, 0.96}, x[3] = {0.8, -0.6, 0}, y[3] = {-0.6 * 0.96, -0.8 * 0.96, 0.28};
+            const quad h[3] = {0.6 * 0.28, 0.8 * 0.28, 0.96}, x[3] = {0.8, -0.6, 0},
+                       y[3] = {-0.6 * 0.96, -0.8 * 0.96, 0.28};
             quad wi[3], left[3], right[3], low[3], high[3], d1[3], d2[3], moved[3];
             const quad step = 0x1p-24;
             bool ok = reference_refracted(&m, wo, h, 0, wi);
@@ -145,8 +153,10 @@ TEST(refraction)
             quad eta = side < 0 ? 1 / (quad)etas[e] : (quad)etas[e], along_o = 0, along_i = 0;
             for (int j = 0; j < 3; j++) along_o += wo[j] * x[j], along_i += wi[j] * x[j];
             CHECK(size_of(along_o + eta * along_i) < 1e-15);
-            double up[3] = {0.48, -0.36, 0.8}, down[3] = {-side * (double)wi[0], -side * (double)wi[1], -side * (double)wi[2]};
-            double go = 0.8 / (double)reference_sigma(&m, up), gi = down[2] / (double)reference_sigma(&m, down);
+            double up[3] = {0.48, -0.36, 0.8},
+                   down[3] = {-side * (double)wi[0], -side * (double)wi[1], -side * (double)wi[2]};
+            double go = 0.8 / (double)reference_sigma(&m, up),
+                   gi = down[2] / (double)reference_sigma(&m, down);
             double weight = (double)(r.f * down[2] / r.pdf);
             CHECK_REL(weight, gi / (gi + go - gi * go), 1e-14, 0);
         }

@@ -97,11 +97,11 @@ TEST(json_is_compressed_on_demand)
     static const struct {
         const char *accept;
         bool is_gzip;
-    } cases[] = {{NULL, false},          {"gzip", true},          {"deflate, gzip;q=0.5, br", true},
-                 {"gzip;q=0", false},    {"identity", false},     {"", false},
-                 {"br, zstd", false},    {"GZIP", true},         {"*", true},
-                 {"br, *;q=0.1", true},  {"gzip;q=0, *", false}, {"*;q=0", false},
-                 {"*;q=0, gzip", true},  {"xgzip, gzipx", false}, {"gzip ; q=0.0, *", false}};
+    } cases[] = {{NULL, false},         {"gzip", true},          {"deflate, gzip;q=0.5, br", true},
+                 {"gzip;q=0", false},   {"identity", false},     {"", false},
+                 {"br, zstd", false},   {"GZIP", true},          {"*", true},
+                 {"br, *;q=0.1", true}, {"gzip;q=0, *", false},  {"*;q=0", false},
+                 {"*;q=0, gzip", true}, {"xgzip, gzipx", false}, {"gzip ; q=0.0, *", false}};
     struct answer plain = ask("GET", "/v1/openapi.json", NULL);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct answer a = ask_with((struct api_request){
@@ -115,8 +115,10 @@ TEST(json_is_compressed_on_demand)
         CHECK(is_gzip ? a.response.body_size < plain.response.body_size / 3
                       : a.response.body_size == plain.response.body_size);
         char *back = malloc(plain.response.body_size);
-        z_stream z = {.next_in = a.response.body, .avail_in = (uInt)a.response.body_size,
-                      .next_out = (Bytef *)back, .avail_out = (uInt)plain.response.body_size};
+        z_stream z = {.next_in = a.response.body,
+                      .avail_in = (uInt)a.response.body_size,
+                      .next_out = (Bytef *)back,
+                      .avail_out = (uInt)plain.response.body_size};
         if (is_gzip && inflateInit2(&z, 15 + 16) == Z_OK) {
             CHECK_INT(inflate(&z, Z_FINISH), Z_STREAM_END);
             inflateEnd(&z);
@@ -127,7 +129,8 @@ TEST(json_is_compressed_on_demand)
     }
     answer_clear(&plain);
     /* What is short, and what is bytes, stays as it is. */
-    struct answer a = ask_with((struct api_request){.method = "GET", .path = "/healthz", .accept_encoding = "gzip"});
+    struct answer a = ask_with(
+        (struct api_request){.method = "GET", .path = "/healthz", .accept_encoding = "gzip"});
     CHECK(a.json && !a.response.header_count);
     answer_clear(&a);
 }
@@ -160,8 +163,10 @@ TEST(small_requests_are_short_work)
         {"/v1/nothing", "", "{}", false},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct api_request request = {.method = "POST", .path = cases[i].path,
-                                      .query = cases[i].query, .body = cases[i].body,
+        struct api_request request = {.method = "POST",
+                                      .path = cases[i].path,
+                                      .query = cases[i].query,
+                                      .body = cases[i].body,
                                       .body_size = strlen(cases[i].body)};
         if (api_is_short(&request) != cases[i].is_short)
             check_fail(__FILE__, __LINE__, "%s %s", cases[i].path, cases[i].body);
@@ -196,7 +201,8 @@ TEST(refusals_by_the_server)
 /* RFC 9457: the title of about:blank is the phrase of the status; these are all that the daemon counts. */
 TEST(every_refusal_has_its_phrase)
 {
-    static const int statuses[] = {400, 401, 404, 405, 406, 408, 411, 413, 414, 415, 422, 429, 431, 500, 501, 503, 505};
+    static const int statuses[] = {400, 401, 404, 405, 406, 408, 411, 413, 414,
+                                   415, 422, 429, 431, 500, 501, 503, 505};
     for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++)
         CHECK(strcmp(api_status_title(statuses[i]), "Error") != 0);
     CHECK_STR(api_status_title(401), "Unauthorized");
@@ -204,7 +210,8 @@ TEST(every_refusal_has_its_phrase)
 
 static bool is_utf8_json(const struct api_response *response)
 {
-    json_t *json = json_loadb(response->body, response->body_size, 0, NULL); /* which refuses what is no UTF-8 */
+    json_t *json = json_loadb(response->body, response->body_size, 0,
+                              NULL); /* which refuses what is no UTF-8 */
     json_decref(json);
     return json != NULL;
 }
@@ -212,8 +219,16 @@ static bool is_utf8_json(const struct api_response *response)
 /* Whatever a request holds, a refusal that quotes it is UTF-8. */
 TEST(refusals_are_utf8)
 {
-    static const char *const details[] = {"\xff", "a\xc3", "\xc0\xaf", "\xed\xa0\x80", "\xf4\x90\x80\x80", "\xe0\x80\x80",
-                                          "\xf0\x80\x80\x80", "caf\xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80\"\\\n", "\xe2\x82\"", "\x80"};
+    static const char *const details[] = {"\xff",
+                                          "a\xc3",
+                                          "\xc0\xaf",
+                                          "\xed\xa0\x80",
+                                          "\xf4\x90\x80\x80",
+                                          "\xe0\x80\x80",
+                                          "\xf0\x80\x80\x80",
+                                          "caf\xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80\"\\\n",
+                                          "\xe2\x82\"",
+                                          "\x80"};
     for (size_t i = 0; i < sizeof details / sizeof *details; i++) {
         struct api_response response;
         api_refuse(400, details[i], &response);
@@ -234,9 +249,13 @@ TEST(refusals_are_utf8)
             }
             text[k][n] = 0;
         }
-        struct api_request request = {.method = i % 2 ? "POST" : text[0], .path = i % 3 ? "/v1/eval" : text[1], .query = text[1],
-                                      .content_type = i % 5 ? text[2] : "application/json", .accept = i % 7 ? text[3] : NULL,
-                                      .body = EVAL, .body_size = sizeof EVAL - 1};
+        struct api_request request = {.method = i % 2 ? "POST" : text[0],
+                                      .path = i % 3 ? "/v1/eval" : text[1],
+                                      .query = text[1],
+                                      .content_type = i % 5 ? text[2] : "application/json",
+                                      .accept = i % 7 ? text[3] : NULL,
+                                      .body = EVAL,
+                                      .body_size = sizeof EVAL - 1};
         struct api_response response;
         api_handle(&request, &response);
         CHECK(response.status >= 400 && is_utf8_json(&response));

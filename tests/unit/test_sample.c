@@ -55,9 +55,9 @@ TEST(samples_have_the_pdf_that_pdf_says)
 TEST(a_seed_means_the_documented_numbers)
 {
     char body[600];
-    struct answer by_seed =
-        ask_post("/v1/sample", "{" GGX ",\"wo\":[[-0.6,0,0.8],[0,0,1]],\"n\":2,\"seed\":42,"
-                               "\"outputs\":[\"wi\",\"h\"],\"tolerance\":1e-9}");
+    struct answer by_seed = ask_post("/v1/sample",
+                                     "{" GGX ",\"wo\":[[-0.6,0,0.8],[0,0,1]],\"n\":2,\"seed\":42,"
+                                     "\"outputs\":[\"wi\",\"h\"],\"tolerance\":1e-9}");
     double r[8];
     for (unsigned k = 0; k < 8; k++) r[k] = api_random(42, k);
     snprintf(body, sizeof body,
@@ -93,8 +93,9 @@ TEST(bad_requests)
     check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":10000000}", "/n");
     check_refused("{" GGX ",\"wo\":{\"random\":{\"n\":2000}},\"n\":2000}", "/n");
     check_refused("{" GGX ",\"n\":1}", "/wo");
-    check_refused("{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
-                  "/sampler");
+    check_refused(
+        "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
+        "/sampler");
     check_refused("{" GGX ",\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"tables\"}", "/sampler");
     check_refused("{\"material\":{\"ndf\":\"tabulated\",\"slopes\":{\"scale\":1,\"log_D\":[0,0,0,0]"
                   "}},\"wo\":[[0,0,1]],\"n\":1,\"sampler\":\"caps\"}",
@@ -103,8 +104,8 @@ TEST(bad_requests)
 
 TEST(the_ends_of_u_work)
 {
-    struct answer a =
-        ask_post("/v1/sample", "{" GGX ",\"wo\":[[-0.6,0,0.8]],\"u\":[[0,0],[0.9999999999999999,0."
+    struct answer a = ask_post("/v1/sample",
+                               "{" GGX ",\"wo\":[[-0.6,0,0.8]],\"u\":[[0,0],[0.9999999999999999,0."
                                "9999999999999999],[0,0.9999999999999999]]}");
     CHECK_INT(a.response.status, 200);
     CHECK_INT(answer_count(&a, "wi"), 3);
@@ -113,8 +114,8 @@ TEST(the_ends_of_u_work)
 
 TEST(colour_and_flat)
 {
-    struct answer a =
-        ask_post("/v1/sample", "{\"material\":{\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,"
+    struct answer a = ask_post("/v1/sample",
+                               "{\"material\":{\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,"
                                "0.5,0.1]}}},\"wo\":[[0,0,1]],\"u\":[[0.5,0.5]],"
                                "\"outputs\":[\"wi\",\"weight\"],\"flat\":true}");
     CHECK_INT(answer_count(&a, "wi"), 3);
@@ -128,13 +129,15 @@ TEST(samplers_by_name)
 {
     static const struct {
         const char *ndf, *sampler;
-    } cases[] = {{"ggx", "caps"},    {"ggx", "bounded"},      {"ggx", "slope"}, {"ggx", "ndf"},      {"ggx", "cosine"},
-                 {"ggx", "vcavity"}, {"beckmann", "vcavity"},
-                 {"beckmann", "slope"}, {"beckmann", "ndf"}, {"beckmann", "cosine"}};
+    } cases[] = {{"ggx", "caps"},         {"ggx", "bounded"},    {"ggx", "slope"},
+                 {"ggx", "ndf"},          {"ggx", "cosine"},     {"ggx", "vcavity"},
+                 {"beckmann", "vcavity"}, {"beckmann", "slope"}, {"beckmann", "ndf"},
+                 {"beckmann", "cosine"}};
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         char body[600];
-        const char *material = "\"material\":{\"ndf\":\"%s\",\"alpha_x\":0.5,\"alpha_y\":0.3,\"rho\":0.2},"
-                               "\"sampler\":\"%s\",\"tolerance\":1e-9,";
+        const char
+            *material = "\"material\":{\"ndf\":\"%s\",\"alpha_x\":0.5,\"alpha_y\":0.3,\"rho\":0.2},"
+                        "\"sampler\":\"%s\",\"tolerance\":1e-9,";
         char start[300];
         snprintf(start, sizeof start, material, cases[c].ndf, cases[c].sampler);
         snprintf(body, sizeof body, "{%s\"wo\":[[-0.6,0,0.8]],\"n\":20,\"seed\":3}", start);
@@ -144,16 +147,19 @@ TEST(samplers_by_name)
         for (size_t i = 0; i < 20; i++) {
             double x = answer_component(&s, "wi", i, 0), y = answer_component(&s, "wi", i, 1);
             double z = answer_component(&s, "wi", i, 2), own = answer_number(&s, "pdf", i);
-            snprintf(body, sizeof body, "{%s\"wi\":[[%.17g,%.17g,%.17g]],\"wo\":[[-0.6,0,0.8]]}", start, x, y, z);
+            snprintf(body, sizeof body, "{%s\"wi\":[[%.17g,%.17g,%.17g]],\"wo\":[[-0.6,0,0.8]]}",
+                     start, x, y, z);
             struct answer p = ask_post("/v1/pdf", body);
             CHECK_STR(answer_text(&p, "sampler"), cases[c].sampler);
             CHECK_REL(own, answer_number(&p, "pdf", 0), 1e-6, 1e-30);
-            snprintf(body, sizeof body,
-                     "{\"material\":{\"ndf\":\"%s\",\"alpha_x\":0.5,\"alpha_y\":0.3,\"rho\":0.2},"
-                     "\"wi\":[[%.17g,%.17g,%.17g]],\"wo\":[[-0.6,0,0.8]],\"outputs\":[\"fr_cos\"],\"tolerance\":1e-9}",
-                     cases[c].ndf, x, y, z);
+            snprintf(
+                body, sizeof body,
+                "{\"material\":{\"ndf\":\"%s\",\"alpha_x\":0.5,\"alpha_y\":0.3,\"rho\":0.2},"
+                "\"wi\":[[%.17g,%.17g,%.17g]],\"wo\":[[-0.6,0,0.8]],\"outputs\":[\"fr_cos\"],\"tolerance\":1e-9}",
+                cases[c].ndf, x, y, z);
             struct answer e = ask_post("/v1/eval", body);
-            CHECK_REL(answer_number(&s, "weight", i) * own, answer_number(&e, "fr_cos", 0), 1e-6, 1e-9);
+            CHECK_REL(answer_number(&s, "weight", i) * own, answer_number(&e, "fr_cos", 0), 1e-6,
+                      1e-9);
             answer_clear(&p);
             answer_clear(&e);
         }
@@ -164,10 +170,11 @@ TEST(samplers_by_name)
 static long long wasted_by(const char *sampler, const char *alpha, const char *wo)
 {
     char body[400];
-    snprintf(body, sizeof body,
-             "{\"material\":{\"ndf\":\"ggx\",\"alpha\":%s},\"wo\":[%s],\"n\":5000,\"sampler\":\"%s\","
-             "\"outputs\":[\"pdf\"]}",
-             alpha, wo, sampler);
+    snprintf(
+        body, sizeof body,
+        "{\"material\":{\"ndf\":\"ggx\",\"alpha\":%s},\"wo\":[%s],\"n\":5000,\"sampler\":\"%s\","
+        "\"outputs\":[\"pdf\"]}",
+        alpha, wo, sampler);
     struct answer a = ask_post("/v1/sample", body);
     CHECK_INT(a.response.status, 200);
     long long n = json_integer_value(json_object_get(a.json, "wasted"));
@@ -180,16 +187,20 @@ TEST(bounded_wastes_nothing_at_normal_incidence_and_less_elsewhere)
     static const char *const alphas[] = {"0.01", "0.1", "0.4", "1", "1.5", "4"};
     for (int k = 0; k < 6; k++) {
         CHECK_INT(wasted_by("bounded", alphas[k], "[0,0,1]"), 0);
-        CHECK(wasted_by("bounded", alphas[k], "[-0.6,0,0.8]") <= wasted_by("caps", alphas[k], "[-0.6,0,0.8]"));
+        CHECK(wasted_by("bounded", alphas[k], "[-0.6,0,0.8]") <=
+              wasted_by("caps", alphas[k], "[-0.6,0,0.8]"));
     }
     CHECK(wasted_by("caps", "1", "[0,0,1]") > 2000);
 }
 
 TEST(a_refused_sampler_names_those_there_are)
 {
-    struct answer a = ask_post("/v1/sample", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],"
-                                             "\"n\":1,\"sampler\":\"bounded\"}");
+    struct answer a = ask_post(
+        "/v1/sample", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"wo\":[[0,0,1]],"
+                      "\"n\":1,\"sampler\":\"bounded\"}");
     CHECK_INT(a.response.status, 422);
-    CHECK_STR(answer_error(&a, "detail"), "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine, vcavity, table");
+    CHECK_STR(
+        answer_error(&a, "detail"),
+        "\"bounded\" does not sample beckmann, which has: auto, slope, ndf, cosine, vcavity, table");
     answer_clear(&a);
 }

@@ -7,8 +7,9 @@
 static const double pi = 3.14159265358979323846;
 
 #define GGX "\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3}"
-#define GLASS(ndf)                                                                                                     \
-    "\"material\":{\"ndf\":\"" ndf "\",\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}}"
+#define GLASS(ndf)                                                                                 \
+    "\"material\":{\"ndf\":\"" ndf                                                                 \
+    "\",\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}}"
 #define PAIR "\"wi\":[[0.6,0,0.8]],\"wo\":[[-0.6,0,0.8]]"
 
 TEST(pdf_is_the_density_of_eval)
@@ -17,7 +18,8 @@ TEST(pdf_is_the_density_of_eval)
     CHECK_REL(answer_number(&pdf, "pdf", 0), 1 / (pi * 0.09) / (4 * 0.81), 1e-10, 0);
     CHECK_STR(answer_text(&pdf, "sampler"), "caps");
     answer_clear(&pdf);
-    pdf = ask_post("/v1/pdf", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR ",\"sampler\":\"caps\"}");
+    pdf = ask_post("/v1/pdf", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR
+                              ",\"sampler\":\"caps\"}");
     CHECK_INT(pdf.response.status, 422);
     CHECK_STR(answer_error(&pdf, "pointer"), "/sampler");
     CHECK(strstr(answer_error(&pdf, "detail"), "auto, slope"));
@@ -30,10 +32,13 @@ TEST(eval_has_the_pdf_of_the_sampler_named)
     static const char *const names[] = {"caps", "bounded", "ndf", "cosine", "vcavity"};
     for (int k = 0; k < 5; k++) {
         char body[400];
-        snprintf(body, sizeof body, "{" GGX "," PAIR ",\"sampler\":\"%s\",\"tolerance\":1e-12}", names[k]);
+        snprintf(body, sizeof body, "{" GGX "," PAIR ",\"sampler\":\"%s\",\"tolerance\":1e-12}",
+                 names[k]);
         struct answer pdf = ask_post("/v1/pdf", body);
         snprintf(body, sizeof body,
-                 "{" GGX "," PAIR ",\"sampler\":\"%s\",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12}", names[k]);
+                 "{" GGX "," PAIR
+                 ",\"sampler\":\"%s\",\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-12}",
+                 names[k]);
         struct answer eval = ask_post("/v1/eval", body);
         CHECK_STR(answer_text(&eval, "sampler"), names[k]);
         CHECK_REL(answer_number(&eval, "pdf", 0), answer_number(&pdf, "pdf", 0), 1e-12, 0);
@@ -43,7 +48,8 @@ TEST(eval_has_the_pdf_of_the_sampler_named)
     struct answer plain = ask_post("/v1/eval", "{" GGX "," PAIR ",\"outputs\":[\"pdf\"]}");
     CHECK(!json_object_get(plain.json, "sampler"));
     answer_clear(&plain);
-    plain = ask_post("/v1/eval", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR ",\"sampler\":\"caps\"}");
+    plain = ask_post("/v1/eval", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR
+                                 ",\"sampler\":\"caps\"}");
     CHECK_INT(plain.response.status, 422);
     CHECK_STR(answer_error(&plain, "pointer"), "/sampler");
     answer_clear(&plain);
@@ -60,24 +66,27 @@ TEST(eval_and_pdf_refuse_the_same_samplers)
         const char *material, *sampler;
         int status;
     } cases[] = {
-        {GLASS("ggx"), "caps", 200},       {GLASS("ggx"), "slope", 200},    {GLASS("beckmann"), "slope", 200},
-        {GLASS("ggx"), "bounded", 422},    {GLASS("ggx"), "ndf", 422},      {GLASS("ggx"), "cosine", 422},
-        {GLASS("ggx"), "vcavity", 422},    {GLASS("ggx"), "table", 422},    {GLASS("beckmann"), "caps", 422},
-        {GLASS("ggx"), "auto", 200},
+        {GLASS("ggx"), "caps", 200},       {GLASS("ggx"), "slope", 200},
+        {GLASS("beckmann"), "slope", 200}, {GLASS("ggx"), "bounded", 422},
+        {GLASS("ggx"), "ndf", 422},        {GLASS("ggx"), "cosine", 422},
+        {GLASS("ggx"), "vcavity", 422},    {GLASS("ggx"), "table", 422},
+        {GLASS("beckmann"), "caps", 422},  {GLASS("ggx"), "auto", 200},
     };
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         char body[500];
-        snprintf(body, sizeof body, "{%s," PAIR ",\"sampler\":\"%s\"}", cases[k].material, cases[k].sampler);
-        struct answer pdf = ask_post("/v1/pdf", body);
-        snprintf(body, sizeof body, "{%s," PAIR ",\"sampler\":\"%s\",\"outputs\":[\"pdf\"]}", cases[k].material,
+        snprintf(body, sizeof body, "{%s," PAIR ",\"sampler\":\"%s\"}", cases[k].material,
                  cases[k].sampler);
+        struct answer pdf = ask_post("/v1/pdf", body);
+        snprintf(body, sizeof body, "{%s," PAIR ",\"sampler\":\"%s\",\"outputs\":[\"pdf\"]}",
+                 cases[k].material, cases[k].sampler);
         struct answer eval = ask_post("/v1/eval", body);
         CHECK_INT(pdf.response.status, cases[k].status);
         CHECK_INT(eval.response.status, cases[k].status);
         if (cases[k].status == 422) {
             CHECK_STR(answer_error(&eval, "pointer"), "/sampler");
             CHECK_STR(answer_error(&eval, "detail"), answer_error(&pdf, "detail"));
-            CHECK(strstr(answer_error(&eval, "detail"), "does not sample transmission, which has: auto, "));
+            CHECK(strstr(answer_error(&eval, "detail"),
+                         "does not sample transmission, which has: auto, "));
         }
         answer_clear(&pdf);
         answer_clear(&eval);

@@ -55,12 +55,13 @@ static double rms(enum sequence sequence, uint64_t n)
 
 TEST(low_discrepancy_converges_faster)
 {
-    double random = rms(SEQUENCE_RANDOM, 1024), sobol = rms(SEQUENCE_SOBOL, 1024), r2 = rms(SEQUENCE_R2, 1024);
+    double random = rms(SEQUENCE_RANDOM, 1024), sobol = rms(SEQUENCE_SOBOL, 1024),
+           r2 = rms(SEQUENCE_R2, 1024);
     check_note("rms of 1024 random points", random);
     check_note("rms of 1024 sobol points", sobol);
     check_note("rms of 1024 r2 points", r2);
-    CHECK(sobol < random / 200); /* 1/n^1.5 against 1/n^.5 */
-    CHECK(r2 < random / 10);     /* about 1/n */
+    CHECK(sobol < random / 200);                 /* 1/n^1.5 against 1/n^.5 */
+    CHECK(r2 < random / 10);                     /* about 1/n */
     CHECK(rms(SEQUENCE_SOBOL, 64) / sobol > 40); /* 64 by n^-1.5 */
 }
 
@@ -92,7 +93,8 @@ TEST(sets_and_seeds_differ_and_repeat)
         api_sequence((enum sequence)s, 1, 0, 7, 999, b);
         api_sequence((enum sequence)s, 2, 0, 7, 16, c);
         api_sequence((enum sequence)s, 1, 1, 7, 16, d);
-        CHECK(a[0] == b[0] && a[1] == b[1]); /* of an endless sequence, however many are asked for */
+        CHECK(a[0] == b[0] &&
+              a[1] == b[1]); /* of an endless sequence, however many are asked for */
         CHECK(a[0] != c[0] && a[1] != c[1]);
         CHECK(a[0] != d[0] && a[1] != d[1]);
     }
@@ -121,9 +123,9 @@ TEST(sample_takes_a_sequence_by_name)
         answer_clear(&by_name);
         answer_clear(&by_list);
     }
-    static const char *const bad[] = {
-        "{" GGX ",\"wo\":[[0,0,1]],\"u\":[[0,0]],\"sequence\":\"sobol\"}",
-        "{" GGX ",\"wo\":[[0,0,1]],\"n\":2,\"sequence\":\"halton\"}"};
+    static const char *const bad[] = {"{" GGX
+                                      ",\"wo\":[[0,0,1]],\"u\":[[0,0]],\"sequence\":\"sobol\"}",
+                                      "{" GGX ",\"wo\":[[0,0,1]],\"n\":2,\"sequence\":\"halton\"}"};
     for (int i = 0; i < 2; i++) {
         struct answer a = ask_post("/v1/sample", bad[i]);
         CHECK_INT(a.response.status, 422);

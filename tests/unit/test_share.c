@@ -11,8 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char body[] = "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"diffuse\":0.2},\"wi\":{\"grid\":{\"theta\":300,\"phi\":200}},"
-                           "\"wo\":[[-0.6,0,0.8]],\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-4}";
+static const char body[] =
+    "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"diffuse\":0.2},\"wi\":{\"grid\":{\"theta\":300,\"phi\":200}},"
+    "\"wo\":[[-0.6,0,0.8]],\"outputs\":[\"fr\",\"pdf\"],\"tolerance\":1e-4}";
 
 static size_t shared;
 
@@ -50,9 +51,11 @@ static char *whole_body(struct answer *answer, size_t *size)
 {
     char *bytes = malloc(16 << 20);
     *size = 0;
-    for (long n; bytes && answer->response.stream && (n = api_stream_next(answer->response.stream, bytes + *size, 1 << 16)) > 0;)
+    for (long n; bytes && answer->response.stream &&
+                 (n = api_stream_next(answer->response.stream, bytes + *size, 1 << 16)) > 0;)
         *size += (size_t)n;
-    if (bytes && !answer->response.stream) memcpy(bytes, answer->response.body, *size = answer->response.body_size);
+    if (bytes && !answer->response.stream)
+        memcpy(bytes, answer->response.body, *size = answer->response.body_size);
     return bytes;
 }
 
@@ -80,8 +83,12 @@ static void same_answer(struct api_request request)
 
 static void same_bytes(const char *accept, bool can_stream)
 {
-    same_answer((struct api_request){.method = "POST", .path = "/v1/eval", .body = body, .body_size = strlen(body),
-                                     .accept = accept, .can_stream = can_stream});
+    same_answer((struct api_request){.method = "POST",
+                                     .path = "/v1/eval",
+                                     .body = body,
+                                     .body_size = strlen(body),
+                                     .accept = accept,
+                                     .can_stream = can_stream});
 }
 
 TEST(sharing_changes_no_byte)
@@ -96,26 +103,33 @@ TEST(sharing_changes_no_byte)
 /* Rows and tiles of a map, of odd sides, large enough that batches have several rows. */
 TEST(sharing_changes_no_byte_of_a_map)
 {
-    static const char *const queries[] = {"", "compression=none&stencil=central&border=trim",
-                                          "model=clean_max&type=half&form=central&border=mirror&scale=0.1",
-                                          "at=0.3,0.8&level=2&stencil=forward&border=clamp"};
+    static const char *const queries[] = {
+        "", "compression=none&stencil=central&border=trim",
+        "model=clean_max&type=half&form=central&border=mirror&scale=0.1",
+        "at=0.3,0.8&level=2&stencil=forward&border=clamp"};
     enum { W = 515, H = 1030 };
     struct rng rng;
     rng_seed(&rng, 5);
     float *z = malloc(W * H * sizeof *z);
-    for (size_t i = 0; z && i < W * H; i++) z[i] = (float)(i / W % 100 < 50 ? rng_uniform(&rng) : 0.5);
+    for (size_t i = 0; z && i < W * H; i++)
+        z[i] = (float)(i / W % 100 < 50 ? rng_uniform(&rng) : 0.5);
     size_t size = 0;
     unsigned char *exr = z ? exr_file_of_heights(z, W, H, &size) : NULL;
     for (size_t q = 0; exr && q < sizeof queries / sizeof *queries; q++) {
-        struct api_request request = {.method = "POST", .path = "/v1/leadr", .query = queries[q], .accept = "*/*",
-                                      .body = exr, .body_size = size};
+        struct api_request request = {.method = "POST",
+                                      .path = "/v1/leadr",
+                                      .query = queries[q],
+                                      .accept = "*/*",
+                                      .body = exr,
+                                      .body_size = size};
         struct api_response alone, together;
         api_handle(&request, &alone);
         shared = 0;
         request.share = share;
         api_handle(&request, &together);
         CHECK_INT(alone.status, 200);
-        CHECK(alone.body_size == together.body_size && !memcmp(alone.body, together.body, alone.body_size));
+        CHECK(alone.body_size == together.body_size &&
+              !memcmp(alone.body, together.body, alone.body_size));
         CHECK(shared > 100);
         api_response_clear(&alone);
         api_response_clear(&together);
@@ -147,7 +161,11 @@ static char *sent_body(size_t *size)
         for (int i = 0; i < SENT; i++) {
             float v[3];
             direction(&rng, v);
-            p += sprintf(p, "%s[%.17g,%.17g, %.17g]", !i ? "" : i % 7 ? "," : " ,\n ", (double)v[0], (double)v[1], (double)v[2]);
+            p += sprintf(p, "%s[%.17g,%.17g, %.17g]",
+                         !i      ? ""
+                         : i % 7 ? ","
+                                 : " ,\n ",
+                         (double)v[0], (double)v[1], (double)v[2]);
         }
         *p++ = ']';
     }
@@ -160,7 +178,8 @@ TEST(arrays_are_read_by_several_as_by_one)
 {
     size_t size;
     char *text = sent_body(&size);
-    struct api_request request = {.method = "POST", .path = "/v1/eval", .body = text, .body_size = size};
+    struct api_request request = {
+        .method = "POST", .path = "/v1/eval", .body = text, .body_size = size};
     shared = 0;
     same_answer(request);
     CHECK(shared > 16);
@@ -169,8 +188,9 @@ TEST(arrays_are_read_by_several_as_by_one)
         bool within;
         const char *instead;
         int status;
-    } faults[] = {{0.2, false, ";", 400}, {0.4, true, "x", 400},   {0.3, true, "]", 400}, {0.1, false, "\"", 400},
-                  {0.7, true, " ", 400},  {0.25, false, "]", 400}, {0.9, true, "e", 400}};
+    } faults[] = {{0.2, false, ";", 400},  {0.4, true, "x", 400}, {0.3, true, "]", 400},
+                  {0.1, false, "\"", 400}, {0.7, true, " ", 400}, {0.25, false, "]", 400},
+                  {0.9, true, "e", 400}};
     for (size_t i = 0; i < sizeof faults / sizeof *faults; i++) {
         char *at = text + (size_t)(faults[i].where * (double)size), kept;
         while (*at != ',' || (at[-1] == ']') == faults[i].within || at[-1] == ' ') at++;
@@ -194,16 +214,25 @@ TEST(floats_are_the_same_in_blocks_and_shared)
     struct rng rng;
     rng_seed(&rng, 7);
     for (int i = 0; i < SENT; i++) direction(&rng, v + 3 * i);
-    static const char *const answers[] = {"application/octet-stream", "application/zip", "application/json"};
+    static const char *const answers[] = {"application/octet-stream", "application/zip",
+                                          "application/json"};
     for (int i = 0; i < 9; i++) {
         struct form form = {0};
-        form_add_text(&form, "request", i % 3 == 0   ? "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"pdf\",\"D\",\"G\"]}"
-                                        : i % 3 == 1 ? "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}},\"wo\":[[0.6,0,0.8]],\"outputs\":[\"fr\",\"pdf\",\"D\"],\"tolerance\":1e-3}"
-                                                     : "{\"material\":{\"alpha\":0.3,\"diffuse\":0.1},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"pdf\",\"D\",\"G\"]}");
+        form_add_text(
+            &form, "request",
+            i % 3 == 0
+                ? "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"pdf\",\"D\",\"G\"]}"
+            : i % 3 == 1
+                ? "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}},\"wo\":[[0.6,0,0.8]],\"outputs\":[\"fr\",\"pdf\",\"D\"],\"tolerance\":1e-3}"
+                : "{\"material\":{\"alpha\":0.3,\"diffuse\":0.1},\"wo\":[[0,0,1]],\"outputs\":[\"fr\",\"pdf\",\"D\",\"G\"]}");
         form_add(&form, "wi", v, SENT * 3 * sizeof *v);
         form_end(&form);
-        struct api_request request = {.method = "POST", .path = "/v1/eval", .content_type = FORM_TYPE, .accept = answers[i / 3],
-                                      .body = form.bytes, .body_size = form.size};
+        struct api_request request = {.method = "POST",
+                                      .path = "/v1/eval",
+                                      .content_type = FORM_TYPE,
+                                      .accept = answers[i / 3],
+                                      .body = form.bytes,
+                                      .body_size = form.size};
         struct answer whole = ask_with(request);
         request.can_stream = true;
         request.share = share;

@@ -169,7 +169,9 @@ TEST(noise_does_not_ring)
     for (size_t k = 0; k < sizeof noises / sizeof *noises; k++) {
         double log_d[N], worst = 0, scale = .3, alpha = .2;
         for (size_t i = 0; i < N; i++) {
-            double u = (double)i / (N - 1), r = scale * u / (1 - u), smooth = i == N - 1 ? 4 * log(alpha) : 2 * log((1 + r * r) / (1 + r * r / (alpha * alpha)));
+            double u = (double)i / (N - 1), r = scale * u / (1 - u),
+                   smooth = i == N - 1 ? 4 * log(alpha)
+                                       : 2 * log((1 + r * r) / (1 + r * r / (alpha * alpha)));
             log_d[i] = smooth + noises[k] * (2 * rng_uniform(&rng) - 1);
         }
         facet_slope_table *table = NULL;

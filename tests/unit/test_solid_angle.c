@@ -9,7 +9,8 @@
 
 #define PI 3.14159265358979323846
 
-static double solid_angle(const facet_roughness *r, double samples, const double i[3], const double o[3])
+static double solid_angle(const facet_roughness *r, double samples, const double i[3],
+                          const double o[3])
 {
     double out;
     const facet_vec3_in wi = {i, i + 1, i + 2}, wo = {o, o + 1, o + 2};
@@ -47,9 +48,12 @@ TEST(a_square_of_slopes_reflects_to_it)
             mirror(o, x, y, i);
             if (o[0] * -x + o[2] <= 0.05) continue; /* seen from behind */
             for (int k = 0; k < 4; k++)
-                mirror(o, x + side * ((k == 1 || k == 2) - 0.5), y + side * ((k > 1) - 0.5), corner[k]);
-            const double area = triangle(corner[0], corner[1], corner[2]) + triangle(corner[0], corner[2], corner[3]);
-            const facet_roughness r = {.alpha_x = 0.2, .alpha_y = 0.2, .slope_x = 0.3, .slope_y = -0.1};
+                mirror(o, x + side * ((k == 1 || k == 2) - 0.5), y + side * ((k > 1) - 0.5),
+                       corner[k]);
+            const double area = triangle(corner[0], corner[1], corner[2]) +
+                                triangle(corner[0], corner[2], corner[3]);
+            const facet_roughness r = {
+                .alpha_x = 0.2, .alpha_y = 0.2, .slope_x = 0.3, .slope_y = -0.1};
             CHECK_REL(solid_angle(&r, PI * 0.04 / (side * side), i, o), area, 1e-5, 0);
         }
 }
@@ -63,7 +67,9 @@ TEST(it_is_the_mean_of_the_samples_at_the_peak)
         {.alpha_x = 0.6, .alpha_y = 0.15},
     };
     for (int c = 0; c < 2 * 3 * 4; c++) {
-        const facet_material m = {.ndf = c % 2 ? FACET_BECKMANN : FACET_GGX, .roughness = roughness[c / 2 % 3], .fresnel.channels = 1};
+        const facet_material m = {.ndf = c % 2 ? FACET_BECKMANN : FACET_GGX,
+                                  .roughness = roughness[c / 2 % 3],
+                                  .fresnel.channels = 1};
         const double t = 0.45 * (c / 6), o[3] = {sin(t), 0, cos(t)}, i[3] = {-sin(t), 0, cos(t)};
         const facet_vec3_in wi = {i, i + 1, i + 2}, wo = {o, o + 1, o + 2};
         facet_brdf *brdf = NULL;
@@ -90,10 +96,11 @@ enum { N = 4096 };
 static struct answer ask_samples(const char *ndf, double alpha, double theta, const char *more)
 {
     char body[500];
-    snprintf(body, sizeof body,
-             "{\"material\":{\"ndf\":\"%s\",\"alpha\":%g},\"wo\":{\"theta\":[%.17g],\"phi\":[0]},\"n\":%d,"
-             "\"sequence\":\"sobol\",\"solid_angle\":true,\"tolerance\":1e-7%s}",
-             ndf, alpha, theta, N, more);
+    snprintf(
+        body, sizeof body,
+        "{\"material\":{\"ndf\":\"%s\",\"alpha\":%g},\"wo\":{\"theta\":[%.17g],\"phi\":[0]},\"n\":%d,"
+        "\"sequence\":\"sobol\",\"solid_angle\":true,\"tolerance\":1e-7%s}",
+        ndf, alpha, theta, N, more);
     struct answer a = ask_post("/v1/sample", body);
     CHECK_INT(a.response.status, 200);
     CHECK_INT(answer_count(&a, "solid_angle"), N);
@@ -108,7 +115,8 @@ TEST(the_share_of_the_median_sample_hardly_depends_on_wo)
 {
     static const double degrees[] = {0, 30, 60, 80, 88};
     for (int c = 0; c < 2 * 2 * 5; c++) {
-        struct answer a = ask_samples(c % 2 ? "beckmann" : "ggx", c / 2 % 2 ? 0.5 : 0.1, degrees[c / 4] * PI / 180, "");
+        struct answer a = ask_samples(c % 2 ? "beckmann" : "ggx", c / 2 % 2 ? 0.5 : 0.1,
+                                      degrees[c / 4] * PI / 180, "");
         double ratio[N];
         for (size_t k = 0; k < N; k++)
             ratio[k] = N * answer_number(&a, "pdf", k) * answer_number(&a, "solid_angle", k);
@@ -140,13 +148,16 @@ TEST(solid_angles_in_sum)
 /* At the wi returned, whoever computes it; N is the samples of each wo. */
 TEST(over_the_api)
 {
-    const char *material = "{\"ndf\":\"ggx\",\"alpha_x\":0.2,\"alpha_y\":0.5,\"rho\":0.3,\"mean_slope\":[0.1,-0.2]}";
-    const facet_roughness r = {.alpha_x = 0.2, .alpha_y = 0.5, .rho = 0.3, .slope_x = 0.1, .slope_y = -0.2};
+    const char *material =
+        "{\"ndf\":\"ggx\",\"alpha_x\":0.2,\"alpha_y\":0.5,\"rho\":0.3,\"mean_slope\":[0.1,-0.2]}";
+    const facet_roughness r = {
+        .alpha_x = 0.2, .alpha_y = 0.5, .rho = 0.3, .slope_x = 0.1, .slope_y = -0.2};
     static const double wo[2][3] = {{-0.6, 0, 0.8}, {0, 0.8, 0.6}};
     char body[400];
     for (int form = 0; form < 3; form++) {
-        static const char *const of[] = {"\"n\":5", "\"u\":[[0.1,0.2],[0.7,0.3],[0.5,0.9]],\"pairing\":\"outer\"",
-                                         "\"u\":[[0.1,0.2],[0.7,0.3]]"};
+        static const char *const of[] = {
+            "\"n\":5", "\"u\":[[0.1,0.2],[0.7,0.3],[0.5,0.9]],\"pairing\":\"outer\"",
+            "\"u\":[[0.1,0.2],[0.7,0.3]]"};
         static const size_t each[] = {5, 3, 1};
         snprintf(body, sizeof body,
                  "{\"material\":%s,\"wo\":[[-0.6,0,0.8],[0,0.8,0.6]],%s,\"solid_angle\":true,"
@@ -158,12 +169,13 @@ TEST(over_the_api)
         for (size_t k = 0; k < 2 * each[form]; k++) {
             const double i[3] = {answer_component(&a, "wi", k, 0), answer_component(&a, "wi", k, 1),
                                  answer_component(&a, "wi", k, 2)};
-            CHECK_REL(answer_number(&a, "solid_angle", k), solid_angle(&r, (double)each[form], i, wo[k / each[form]]),
-                      1e-10, 0);
+            CHECK_REL(answer_number(&a, "solid_angle", k),
+                      solid_angle(&r, (double)each[form], i, wo[k / each[form]]), 1e-10, 0);
         }
         answer_clear(&a);
     }
-    struct answer a = ask_post("/v1/sample", "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":2}");
+    struct answer a = ask_post("/v1/sample",
+                               "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"n\":2}");
     CHECK(!json_object_get(a.json, "solid_angle"));
     answer_clear(&a);
 }

@@ -4,7 +4,8 @@
 
 #include <stdlib.h>
 
-#define HEAD "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}},\"wo\":[[0,0,1]],"
+#define HEAD                                                                                       \
+    "{\"material\":{\"ndf\":\"ggx\",\"alpha\":0.3,\"fresnel\":{\"schlick\":{\"f0\":[0.9,0.8,0.7]}}},\"wo\":[[0,0,1]],"
 
 static struct api_request request_of(const char *path, const char *body, const char *accept)
 {
@@ -57,10 +58,13 @@ static void check_same(const char *path, const char *body, const char *accept)
 TEST(blocks_are_the_whole)
 {
     static const char *const bodies[] = {
-        HEAD "\"wi\":{\"grid\":{\"theta\":300,\"phi\":300}},\"outputs\":[\"fr\",\"D\",\"pdf\"],\"tolerance\":1e-9}",
+        HEAD
+        "\"wi\":{\"grid\":{\"theta\":300,\"phi\":300}},\"outputs\":[\"fr\",\"D\",\"pdf\"],\"tolerance\":1e-9}",
         HEAD "\"wi\":{\"random\":{\"n\":90001}},\"flat\":true}",
-        HEAD "\"wi\":{\"grid\":{\"theta\":400,\"phi\":400}},\"outputs\":[\"pdf\"],\"dtype\":\"float64\"}",
-        HEAD "\"wi\":{\"grid\":{\"theta\":512,\"phi\":512}},\"outputs\":[\"pdf\"],\"tolerance\":1e-9}",
+        HEAD
+        "\"wi\":{\"grid\":{\"theta\":400,\"phi\":400}},\"outputs\":[\"pdf\"],\"dtype\":\"float64\"}",
+        HEAD
+        "\"wi\":{\"grid\":{\"theta\":512,\"phi\":512}},\"outputs\":[\"pdf\"],\"tolerance\":1e-9}",
         HEAD "\"wi\":{\"grid\":{\"theta\":16,\"phi\":8192}},\"outputs\":[\"fr\"]}"};
     struct answer warm = ask("GET", "/healthz", NULL); /* opens the API */
     answer_clear(&warm);
@@ -69,7 +73,9 @@ TEST(blocks_are_the_whole)
         check_same("/v1/eval", bodies[i], "application/octet-stream");
         if (i) check_same("/v1/eval", bodies[i], "application/x-npy");
     }
-    check_same("/v1/pdf", "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":{\"random\":{\"n\":300000}}}", NULL);
+    check_same("/v1/pdf",
+               "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":{\"random\":{\"n\":300000}}}",
+               NULL);
 }
 
 static bool has_stream(const char *path, const char *body, const char *accept)
@@ -99,7 +105,10 @@ static bool is_over(void *user)
 
 TEST(a_stream_can_be_stopped)
 {
-    struct api_request request = request_of("/v1/eval", "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":{\"random\":{\"n\":2000000}}}", NULL);
+    struct api_request request = request_of(
+        "/v1/eval",
+        "{\"material\":{\"alpha\":0.3},\"wo\":[[0,0,1]],\"wi\":{\"random\":{\"n\":2000000}}}",
+        NULL);
     int left = 1000;
     char bytes[50000];
     long n = 0;
@@ -111,7 +120,8 @@ TEST(a_stream_can_be_stopped)
     CHECK(response.stream);
     left = 2; /* rounds */
     size_t blocks = 0;
-    while (response.stream && (n = api_stream_next(response.stream, bytes, sizeof bytes)) > 0) blocks++;
+    while (response.stream && (n = api_stream_next(response.stream, bytes, sizeof bytes)) > 0)
+        blocks++;
     CHECK_INT(n, -1);
     CHECK(blocks >= 20 && blocks < 80);
     api_response_clear(&response);

@@ -17,9 +17,12 @@
 
 static const double pi = 3.14159265358979323846;
 
-static facet_material glass(facet_ndf ndf, facet_roughness roughness, double eta, facet_masking masking)
+static facet_material glass(facet_ndf ndf, facet_roughness roughness, double eta,
+                            facet_masking masking)
 {
-    facet_material m = {.ndf = ndf, .roughness = roughness, .masking = masking,
+    facet_material m = {.ndf = ndf,
+                        .roughness = roughness,
+                        .masking = masking,
                         .fresnel = {.kind = FACET_FRESNEL_DIELECTRIC, .channels = 1}};
     m.fresnel.eta[0] = eta;
     return m;
@@ -32,7 +35,8 @@ static const facet_roughness surfaces[] = {
 };
 static const double indices[] = {1.5, 0.7, 1.05};
 /* wo above and below. */
-static const double views[][3] = {{0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.6, -0.64}, {0.8, 0.5625, 0.21}};
+static const double views[][3] = {
+    {0, 0, 1}, {0.6, 0, 0.8}, {-0.48, 0.6, -0.64}, {0.8, 0.5625, 0.21}};
 enum { SURFACES = 3, INDICES = 3, VIEWS = 4 };
 
 static void unit(const double from[3], double v[3])
@@ -51,7 +55,8 @@ static int cell_of(const double wi[3])
 {
     double turn = atan2(wi[1], wi[0]) / (2 * pi);
     int row = (int)((1 - wi[2]) * SHARES), column = (int)((turn < 0 ? turn + 1 : turn) * SHARES);
-    return (row < 2 * SHARES ? row : 2 * SHARES - 1) * SHARES + (column < SHARES ? column : SHARES - 1);
+    return (row < 2 * SHARES ? row : 2 * SHARES - 1) * SHARES +
+           (column < SHARES ? column : SHARES - 1);
 }
 
 /* Gauss rules on 2 x TILES by TILES tiles of cos theta and azimuth, which no cell straddles. */
@@ -63,14 +68,17 @@ static struct sums integrate(const facet_bsdf *bsdf, const double wo[3])
     struct sums sums = {0};
     normals_gauss(x, w);
     for (int row = 0; row < 2 * SIDE; row++) {
-        double z = 1 - (row / GAUSS_NODES + x[row % GAUSS_NODES]) / TILES, s = sqrt((1 - z) * (1 + z));
+        double z = 1 - (row / GAUSS_NODES + x[row % GAUSS_NODES]) / TILES,
+               s = sqrt((1 - z) * (1 + z));
         for (int k = 0; k < N; k++) {
             double turn = 2 * pi * (k / GAUSS_NODES + x[k % GAUSS_NODES]) / TILES;
             i[0][k] = s * cos(turn), i[1][k] = s * sin(turn), i[2][k] = z;
             for (int j = 0; j < 3; j++) o[j][k] = wo[j];
         }
         facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {pdf}}};
-        CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, (facet_vec3_in){i[0], i[1], i[2]}, (facet_vec3_in){o[0], o[1], o[2]}, N, &outputs), FACET_OK);
+        CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, (facet_vec3_in){i[0], i[1], i[2]},
+                                  (facet_vec3_in){o[0], o[1], o[2]}, N, &outputs),
+                  FACET_OK);
         for (int k = 0; k < N; k++) {
             double area = 2 * pi * w[row % GAUSS_NODES] * w[k % GAUSS_NODES] / (TILES * TILES);
             const double wi[3] = {i[0][k], i[1][k], i[2][k]};
@@ -103,7 +111,8 @@ static double kept_same(const facet_material *m, double lo, double li)
 static double kept_across(const facet_material *m, double lo, double li)
 {
     if (isinf(li)) return 0;
-    return m->masking == FACET_SMITH ? exp(lgamma(2 + lo) + lgamma(1 + li) - lgamma(2 + lo + li)) : 1 / (1 + li);
+    return m->masking == FACET_SMITH ? exp(lgamma(2 + lo) + lgamma(1 + li) - lgamma(2 + lo + li))
+                                     : 1 / (1 + li);
 }
 
 /* What one visible normal h of wo (above) sends where: F and Snell's law by angles, directions by vectors. */
@@ -113,13 +122,15 @@ struct split {
     double jacobian;        /* d omega_h / d omega_i there (Walter's eq. 17) */
 };
 
-static struct split split_at(const facet_material *m, const double wo[3], double lo, double n, double c,
-                             const double same[3], const double h[3])
+static struct split split_at(const facet_material *m, const double wo[3], double lo, double n,
+                             double c, const double same[3], const double h[3])
 {
     struct split x = {.F = 1};
-    double sine_t = sqrt(fmax((1 - c) * (1 + c), 0)) / n, cosine_t = sqrt(fmax((1 - sine_t) * (1 + sine_t), 0));
+    double sine_t = sqrt(fmax((1 - c) * (1 + c), 0)) / n,
+           cosine_t = sqrt(fmax((1 - sine_t) * (1 + sine_t), 0));
     if (sine_t < 1) {
-        double s = (c - n * cosine_t) / (c + n * cosine_t), p = (n * c - cosine_t) / (n * c + cosine_t);
+        double s = (c - n * cosine_t) / (c + n * cosine_t),
+               p = (n * c - cosine_t) / (n * c + cosine_t);
         x.F = (s * s + p * p) / 2;
     }
     for (int j = 0; j < 3; j++) x.up[j] = wo[j] / n - (c / n - cosine_t) * h[j];
@@ -139,26 +150,34 @@ static double fr_cos_of(const facet_bsdf *bsdf, const double wi[3], const double
     double v[6], value;
     for (int j = 0; j < 3; j++) v[j] = turn * wi[j], v[3 + j] = turn * wo[j];
     facet_outputs outputs = {.of = {[FACET_FR_COS] = {&value}}};
-    facet_bsdf_eval(bsdf, FACET_PRECISE, (facet_vec3_in){&v[0], &v[1], &v[2]}, (facet_vec3_in){&v[3], &v[4], &v[5]}, 1, &outputs);
+    facet_bsdf_eval(bsdf, FACET_PRECISE, (facet_vec3_in){&v[0], &v[1], &v[2]},
+                    (facet_vec3_in){&v[3], &v[4], &v[5]}, 1, &outputs);
     return value;
 }
 
-static struct shares shares_of(const facet_material *m, const facet_bsdf *bsdf, const double wo_[3], int panels)
+static struct shares shares_of(const facet_material *m, const facet_bsdf *bsdf, const double wo_[3],
+                               int panels)
 {
     struct normals_rule rule;
     struct shares sum = {0, 0, 0};
-    double wo[3], turn = wo_[2] < 0 ? -1 : 1, n = turn < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0];
+    double wo[3], turn = wo_[2] < 0 ? -1 : 1,
+                  n = turn < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0];
     for (int j = 0; j < 3; j++) wo[j] = turn * wo_[j];
-    double lo = lambda(m, wo), c_mean = wo[2] - wo[0] * m->roughness.slope_x - wo[1] * m->roughness.slope_y;
+    double lo = lambda(m, wo),
+           c_mean = wo[2] - wo[0] * m->roughness.slope_x - wo[1] * m->roughness.slope_y;
     if (!normals_rule_create(m, wo, panels, &rule)) return sum;
     for (size_t k = 0; k < rule.n; k++) {
-        const double h[3] = {rule.h[0][k], rule.h[1][k], rule.h[2][k]}, same[3] = {rule.i[0][k], rule.i[1][k], rule.i[2][k]};
-        double c = rule.cosine[k], seen = rule.weight[k] * textbook_density(m->ndf, &m->roughness, h) * c / (c_mean * (1 + lo));
+        const double h[3] = {rule.h[0][k], rule.h[1][k], rule.h[2][k]},
+                     same[3] = {rule.i[0][k], rule.i[1][k], rule.i[2][k]};
+        double c = rule.cosine[k], seen = rule.weight[k] *
+                                          textbook_density(m->ndf, &m->roughness, h) * c /
+                                          (c_mean * (1 + lo));
         struct split x = split_at(m, wo, lo, n, c, same, h);
         const double across[3] = {-x.up[0], -x.up[1], -x.up[2]};
         sum.lost += seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
         if (same[2] > 0) sum.reflected += rule.weight[k] * 4 * c * fr_cos_of(bsdf, same, wo, turn);
-        if (x.across > 0) sum.transmitted += rule.weight[k] / x.jacobian * fr_cos_of(bsdf, across, wo, turn);
+        if (x.across > 0)
+            sum.transmitted += rule.weight[k] / x.jacobian * fr_cos_of(bsdf, across, wo, turn);
     }
     normals_rule_destroy(&rule);
     return sum;
@@ -196,8 +215,8 @@ TEST(reflected_transmitted_and_lost_are_one)
                 double error = fabs(x.reflected + x.transmitted + x.lost - 1);
                 check_note("error", error);
                 if (!(error < 1e-6))
-                    check_fail(__FILE__, __LINE__, "%.9g + %.9g + %.9g, eta %g: %s", x.reflected, x.transmitted, x.lost,
-                               indices[k], draw_text(&m));
+                    check_fail(__FILE__, __LINE__, "%.9g + %.9g + %.9g, eta %g: %s", x.reflected,
+                               x.transmitted, x.lost, indices[k], draw_text(&m));
                 facet_bsdf_destroy(bsdf);
             }
 }
@@ -210,7 +229,8 @@ struct loss {
     struct integrate_panel inner[64], outer[64];
 };
 
-static facet_status loss_across(void *user, const double at[INTEGRATE_POINTS], struct integral of[INTEGRATE_POINTS])
+static facet_status loss_across(void *user, const double at[INTEGRATE_POINTS],
+                                struct integral of[INTEGRATE_POINTS])
 {
     struct loss *l = user;
     for (int i = 0; i < INTEGRATE_POINTS; i++) {
@@ -218,19 +238,26 @@ static facet_status loss_across(void *user, const double at[INTEGRATE_POINTS], s
         double c = node.cosine, same[3];
         for (int j = 0; j < 3; j++) same[j] = 2 * c * node.h[j] - l->wo[j];
         struct split x = split_at(l->m, l->wo, l->lo, l->n, c, same, node.h);
-        double seen = node.area * textbook_density(l->m->ndf, &l->m->roughness, node.h) * c / (l->c_mean * (1 + l->lo));
+        double seen = node.area * textbook_density(l->m->ndf, &l->m->roughness, node.h) * c /
+                      (l->c_mean * (1 + l->lo));
         double value = seen * (x.F * (1 - x.same) + (1 - x.F) * (1 - x.across));
         of[i] = (struct integral){{isfinite(value) ? value : 0}, {0}};
     }
     return FACET_OK;
 }
 
-static facet_status loss_along(void *user, const double at[INTEGRATE_POINTS], struct integral of[INTEGRATE_POINTS])
+static facet_status loss_along(void *user, const double at[INTEGRATE_POINTS],
+                               struct integral of[INTEGRATE_POINTS])
 {
     struct loss *l = user;
     static const double ends[] = {0, 0.5, 1};
     for (int i = 0; i < INTEGRATE_POINTS; i++) {
-        const struct integrate rule = {.fn = loss_across, .user = l, .values = 1, .absolute = {1e-7}, .panel = l->inner, .panels = 64};
+        const struct integrate rule = {.fn = loss_across,
+                                       .user = l,
+                                       .values = 1,
+                                       .absolute = {1e-7},
+                                       .panel = l->inner,
+                                       .panels = 64};
         l->p = at[i];
         facet_status status = facet_integrate(&rule, ends, 3, &of[i]);
         if (status) return status;
@@ -247,7 +274,12 @@ static double lost_of(const facet_material *m, const double wo[3])
     l.map = normals_map(m, l.wo);
     l.lo = lambda(m, l.wo);
     l.c_mean = l.wo[2] - l.wo[0] * m->roughness.slope_x - l.wo[1] * m->roughness.slope_y;
-    const struct integrate rule = {.fn = loss_along, .user = &l, .values = 1, .absolute = {3e-7}, .panel = l.outer, .panels = 64};
+    const struct integrate rule = {.fn = loss_along,
+                                   .user = &l,
+                                   .values = 1,
+                                   .absolute = {3e-7},
+                                   .panel = l.outer,
+                                   .panels = 64};
     CHECK_INT(facet_integrate(&rule, ends, 2, &sum), FACET_OK);
     check_note("of lost", sum.error[0]);
     return sum.value[0];
@@ -261,14 +293,18 @@ TEST(albedo_of_both_sides)
     for (size_t k = 0; k < (is_whole() ? sizeof chosen / sizeof *chosen : 2); k++) {
         double wo[3];
         facet_albedo_value reflected, transmitted;
-        facet_material m = glass_of(chosen[k][0], (chosen[k][0] + chosen[k][1]) % INDICES, chosen[k][1], wo);
+        facet_material m = glass_of(chosen[k][0], (chosen[k][0] + chosen[k][1]) % INDICES,
+                                    chosen[k][1], wo);
         facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
-        CHECK_INT(facet_bsdf_albedo(bsdf, (facet_vec3_in){&wo[0], &wo[1], &wo[2]}, 1, &options, &reflected, &transmitted, NULL), FACET_OK);
+        CHECK_INT(facet_bsdf_albedo(bsdf, (facet_vec3_in){&wo[0], &wo[1], &wo[2]}, 1, &options,
+                                    &reflected, &transmitted, NULL),
+                  FACET_OK);
         double sum = reflected.value[0] + transmitted.value[0] + lost_of(&m, wo);
         check_note("1 - sum", fabs(sum - 1));
         check_note("claimed", reflected.error[0] + transmitted.error[0]);
         CHECK(reflected.error[0] + transmitted.error[0] < 1e-6);
-        if (!(fabs(sum - 1) < 1e-6)) check_fail(__FILE__, __LINE__, "the sum is 1 %+.3g: %s", sum - 1, draw_text(&m));
+        if (!(fabs(sum - 1) < 1e-6))
+            check_fail(__FILE__, __LINE__, "the sum is 1 %+.3g: %s", sum - 1, draw_text(&m));
         facet_bsdf_destroy(bsdf);
     }
 }
@@ -277,7 +313,8 @@ TEST(albedo_of_both_sides)
 static const struct {
     int surface, index, view;
     double limit;
-} smooth[] = {{0, 0, 0, 1e-6}, {0, 0, 1, 1e-6}, {1, 0, 0, 1e-6}, {2, 0, 0, 1e-6}, {0, 2, 1, 1e-6}, {1, 1, 2, 1e-5}};
+} smooth[] = {{0, 0, 0, 1e-6}, {0, 0, 1, 1e-6}, {1, 0, 0, 1e-6},
+              {2, 0, 0, 1e-6}, {0, 2, 1, 1e-6}, {1, 1, 2, 1e-5}};
 enum { SMOOTH = sizeof smooth / sizeof *smooth };
 
 struct tally {
@@ -286,11 +323,13 @@ struct tally {
 };
 
 /* n samples: pdf and weight are those that evaluation finds at wi, no weight beyond 1 (and a tier's rounding). */
-static struct tally draw(const facet_bsdf *bsdf, facet_tier tier, const double wo[3], size_t n, unsigned long long seed)
+static struct tally draw(const facet_bsdf *bsdf, facet_tier tier, const double wo[3], size_t n,
+                         unsigned long long seed)
 {
     const double rounding = tier == FACET_PRECISE ? 1e-12 : 1e-3;
     enum { BATCH = 500 };
-    static double u[3][BATCH], o[3][BATCH], i[3][BATCH], weight[BATCH], pdf[BATCH], fr_cos[BATCH], again[BATCH];
+    static double u[3][BATCH], o[3][BATCH], i[3][BATCH], weight[BATCH], pdf[BATCH], fr_cos[BATCH],
+        again[BATCH];
     struct tally tally = {.n = n};
     struct rng rng;
     rng_seed(&rng, seed);
@@ -299,7 +338,9 @@ static struct tally draw(const facet_bsdf *bsdf, facet_tier tier, const double w
             for (int j = 0; j < 3; j++) u[j][k] = rng_uniform(&rng), o[j][k] = wo[j];
         facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
         facet_samples samples = {.wi = {i[0], i[1], i[2]}, .weight = {weight}, .pdf = pdf};
-        CHECK_INT(facet_bsdf_sample(bsdf, tier, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH, &samples), FACET_OK);
+        CHECK_INT(facet_bsdf_sample(bsdf, tier, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], BATCH,
+                                    &samples),
+                  FACET_OK);
         facet_outputs outputs = {.of = {[FACET_FR_COS] = {fr_cos}, [FACET_PDF] = {again}}};
         CHECK_INT(facet_bsdf_eval(bsdf, tier, to, from, BATCH, &outputs), FACET_OK);
         for (int k = 0; k < BATCH; k++) {
@@ -350,15 +391,18 @@ TEST(samples_follow_their_pdf)
         struct shares x = shares_of(&m, bsdf, wo, 12);
         bool up = wo[2] > 0;
         CHECK_REL(sums.pdf, 1, smooth[t].limit, 0);
-        CHECK_REL(up ? sums.above : sums.below, x.reflected, 5e-4, 0); /* a fixed rule meets the horizon there */
+        CHECK_REL(up ? sums.above : sums.below, x.reflected, 5e-4,
+                  0); /* a fixed rule meets the horizon there */
         CHECK_REL(up ? sums.below : sums.above, x.transmitted, 1e-6, 0);
         for (int tier = 0; tier < FACET_TIER_COUNT; tier++) {
-            struct tally tally = draw(bsdf, (facet_tier)tier, wo, n, 100 + (unsigned)(FACET_TIER_COUNT * t + tier));
+            struct tally tally = draw(bsdf, (facet_tier)tier, wo, n,
+                                      100 + (unsigned)(FACET_TIER_COUNT * t + tier));
             check_estimate(up ? tally.above : tally.below, x.reflected, n);
             check_estimate(up ? tally.below : tally.above, x.transmitted, n);
             double p = p_value(&sums, &tally);
             check_note("-p", -p);
-            if (!(p * SMOOTH * FACET_TIER_COUNT > 0.01)) check_fail(__FILE__, __LINE__, "p = %g in %d tests", p, SMOOTH * FACET_TIER_COUNT);
+            if (!(p * SMOOTH * FACET_TIER_COUNT > 0.01))
+                check_fail(__FILE__, __LINE__, "p = %g in %d tests", p, SMOOTH * FACET_TIER_COUNT);
         }
         facet_bsdf_destroy(bsdf);
     }
@@ -375,7 +419,8 @@ TEST(samples_agree_with_the_furnace)
             facet_bsdf *bsdf = open_bsdf(&m, FACET_IMPORTANCE);
             struct shares x = shares_of(&m, bsdf, wo, 2);
             struct tally tally = draw(bsdf, FACET_PRECISE, wo, n, 7 + (unsigned)(s * VIEWS + v));
-            CHECK(fabs(tally.above + tally.below - (x.reflected + x.transmitted)) < 5 * sqrt((x.lost + 1e-3) / (double)n) + 1e-3);
+            CHECK(fabs(tally.above + tally.below - (x.reflected + x.transmitted)) <
+                  5 * sqrt((x.lost + 1e-3) / (double)n) + 1e-3);
             facet_bsdf_destroy(bsdf);
         }
 }
@@ -393,7 +438,9 @@ static void check_lobes(const facet_material *m, const double wo_[3], unsigned l
     facet_vec3_in from = {o[0], o[1], o[2]}, to = {i[0], i[1], i[2]};
     facet_samples samples = {.wi = {i[0], i[1], i[2]}, .h = {h[0], h[1], h[2]}, .pdf = pdf};
     facet_outputs outputs = {.of = {[FACET_PDF] = {again}}};
-    CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], N, &samples), FACET_OK);
+    CHECK_INT(facet_bsdf_sample(bsdf, FACET_PRECISE, FACET_SAMPLER_AUTO, from, u[0], u[1], u[2], N,
+                                &samples),
+              FACET_OK);
     CHECK_INT(facet_bsdf_eval(bsdf, FACET_PRECISE, to, from, N, &outputs), FACET_OK);
     double n = wo_[2] < 0 ? 1 / m->fresnel.eta[0] : m->fresnel.eta[0], sum = 0, spread = 1e-9;
     double least = facet_roughness_to_ellipse(&m->roughness).alpha_2;
@@ -421,9 +468,11 @@ TEST(normals_reflect_with_probability_f)
     };
     for (size_t k = 0; k < 3 * 3 * 5 * 4; k++) {
         facet_roughness r = shapes[k % 3];
-        double alpha = alphas[k / 3 % 3], theta = degrees[k / 9 % 5] * pi / 180, side = k / 45 % 2 ? -1 : 1;
+        double alpha = alphas[k / 3 % 3], theta = degrees[k / 9 % 5] * pi / 180,
+               side = k / 45 % 2 ? -1 : 1;
         r.alpha_x *= alpha, r.alpha_y *= alpha, r.slope_x *= alpha, r.slope_y *= alpha;
-        facet_material m = glass(k / 90 ? FACET_BECKMANN : FACET_GGX, r, k % 2 ? 1.5 : 0.8, FACET_SMITH);
+        facet_material m = glass(k / 90 ? FACET_BECKMANN : FACET_GGX, r, k % 2 ? 1.5 : 0.8,
+                                 FACET_SMITH);
         const double wo[3] = {side * sin(theta) * 0.6, side * sin(theta) * 0.8, side * cos(theta)};
         check_lobes(&m, wo, k);
     }

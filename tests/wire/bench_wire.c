@@ -49,7 +49,8 @@ static size_t write_all(int digits, int how)
     char *p = text;
     for (int i = 0; i < NUMBERS; i++) {
         if (how == 0)
-            p += digits ? api_number_print_digits(p, values[i], digits) : api_number_print(p, values[i]);
+            p += digits ? api_number_print_digits(p, values[i], digits)
+                        : api_number_print(p, values[i]);
         else
             p += snprintf(p, 40, "%.*g", digits ? digits : 17, values[i]);
         *p++ = ',';
@@ -108,8 +109,9 @@ static void ask(const struct api_request *request, size_t directions, const char
         api_response_clear(&response);
     });
     double n = 1e-3 * (double)directions;
-    printf("%-32s %4d: %6.1f ns a direction; decode %.1f, compute %.1f, encode %.1f; %zu bytes in, %zu out\n",
-           name, status, best, decode / n, compute / n, encode / n, request->body_size, size);
+    printf(
+        "%-32s %4d: %6.1f ns a direction; decode %.1f, compute %.1f, encode %.1f; %zu bytes in, %zu out\n",
+        name, status, best, decode / n, compute / n, encode / n, request->body_size, size);
 }
 
 static void direction(double v[3])
@@ -135,7 +137,8 @@ static void json(size_t n, int digits)
         *p++ = i + 1 < n ? ',' : ']';
     }
     *p++ = '}';
-    struct api_request request = {.method = "POST", .path = "/v1/eval", .body = body, .body_size = (size_t)(p - body)};
+    struct api_request request = {
+        .method = "POST", .path = "/v1/eval", .body = body, .body_size = (size_t)(p - body)};
     snprintf(name, sizeof name, "JSON, %d digits", digits);
     ask(&request, n, name);
     free(body);
@@ -244,10 +247,15 @@ static double wall_ms(const struct api_request *request)
  */
 static void threads(const char *accept)
 {
-    static const char body[] = "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],"
-                               "\"wo\":[[-0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":1000,\"phi\":1000}}}";
-    struct api_request request = {.method = "POST", .path = "/v1/eval", .accept = accept, .body = body,
-                                  .body_size = sizeof body - 1, .can_stream = true};
+    static const char body[] =
+        "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3},\"outputs\":[\"fr\",\"pdf\"],"
+        "\"wo\":[[-0.6,0,0.8]],\"wi\":{\"grid\":{\"theta\":1000,\"phi\":1000}}}";
+    struct api_request request = {.method = "POST",
+                                  .path = "/v1/eval",
+                                  .accept = accept,
+                                  .body = body,
+                                  .body_size = sizeof body - 1,
+                                  .can_stream = true};
     double one = INFINITY, two = INFINITY, shared_ns = INFINITY, all_ns = INFINITY;
     for (int i = 0; i < 3 * REPEATS; i++) {
         request.share = NULL;
@@ -259,9 +267,10 @@ static void threads(const char *accept)
         double spent = now_ns() - begin;
         if (spent < all_ns) all_ns = spent, shared_ns = crew.busy_ns;
     }
-    printf("1e6 Beckmann fr and pdf, %s: 1 thread %.1f ms, 2 threads %.1f ms, ratio %.2f   asked >= 1.8; "
-           "by processor time %.2f\n",
-           strchr(accept, '/') + 1, one, two, one / two, all_ns / (all_ns - shared_ns / 2));
+    printf(
+        "1e6 Beckmann fr and pdf, %s: 1 thread %.1f ms, 2 threads %.1f ms, ratio %.2f   asked >= 1.8; "
+        "by processor time %.2f\n",
+        strchr(accept, '/') + 1, one, two, one / two, all_ns / (all_ns - shared_ns / 2));
 }
 
 int main(int argc, char **argv)
