@@ -98,8 +98,9 @@ static bool expected_shares(const facet_brdf *brdf, facet_tier tier, const facet
 }
 
 /*
- * A float's wi does not tell narrow slopes apart at a grazing angle (H = wi + wo is short there), its
- * h does: with a million samples that is seen.
+ * A wi does not tell slopes apart where H = wi + wo is short beside its rounding: a float's at a grazing
+ * angle, where a million samples show it; a double's from behind a narrow surface, where a hundred
+ * million do (350 alpha behind, 1.6e-6 of the wi stand for slopes that face away).  Its h does.
  */
 enum counted_by { BY_WI, BY_H };
 
@@ -299,6 +300,14 @@ static facet_tier tier_at(const struct grid_point *at, size_t k)
                : FACET_PRECISE;
 }
 
+static enum counted_by counted_at(const struct grid_point *at, facet_tier tier)
+{
+    const facet_roughness *r = &at->material.roughness;
+    const double *o = at->wo;
+    bool behind = o[2] < o[0] * r->slope_x + o[1] * r->slope_y;
+    return tier < FACET_EXACT32 || behind ? BY_H : BY_WI;
+}
+
 /* What processes share: who takes the next point, and what was found. */
 struct sweep {
     _Atomic size_t next;
@@ -323,9 +332,8 @@ static void take_points(struct sweep *sweep, size_t points, size_t stride, doubl
         rng_seed(&rng, 32 + k);
         facet_tier tier = tier_at(&at, k);
         double start = seconds(), drawn = fmin(samples, most_of(at.sampler));
-        sweep->p[i] = p_of(tier, at.sampler, &at.material, at.wo,
-                           tier < FACET_EXACT32 ? BY_H : BY_WI, (size_t)(drawn / BATCH), 7, tests,
-                           &rng);
+        sweep->p[i] = p_of(tier, at.sampler, &at.material, at.wo, counted_at(&at, tier),
+                           (size_t)(drawn / BATCH), 7, tests, &rng);
         if (!tells) continue;
         printf("%-8s %-8s %-9s alpha %-5g theta %-4g %-7s %g samples  %5.1f s  p = %.4g\n",
                at.material.ndf == FACET_GGX ? "ggx" : "beckmann", facet_sampler_name(at.sampler),
