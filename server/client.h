@@ -31,6 +31,7 @@ struct client {
     bool used;    /* has had a request before */
     bool raw;     /* the answer went out beside libmicrohttpd */
     bool cut;     /* by the reaper or by the end of the daemon */
+    bool ended;   /* sends no more; what it has sent may still be unread */
     size_t place; /* in the list of working clients */
     int64_t deadline_us;
 };

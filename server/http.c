@@ -1,3 +1,4 @@
+#define _GNU_SOURCE /* EPOLLRDHUP */
 #include "exchange.h"
 
 #include "clock.h"
@@ -5,6 +6,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/epoll.h>
 #include <sys/random.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -53,22 +55,39 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
     const union MHD_ConnectionInfo *peer = MHD_get_connection_info(
         connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
     if (peer) client_set_address(client, peer->client_addr);
+    struct epoll_event end = {.events = EPOLLRDHUP | EPOLLET, .data.ptr = client};
+    epoll_ctl(http->ends_fd, EPOLL_CTL_ADD, client->fd, &end); /* else its deadline ends it */
     if (http->draining) client_cut(client, false);
 }
 
 /* ---- Called by the loop -------------------------------------------------------------------- */
 
-/* A client that ended in the middle of its request; libmicrohttpd would wait for the rest. */
+/*
+ * libmicrohttpd does not see a client's end that came together with its last bytes: having read
+ * those it waits for the rest of the request.
+ */
+static void note_ends(struct http *http)
+{
+    struct epoll_event ends[64];
+    int n;
+    do {
+        n = epoll_wait(http->ends_fd, ends, sizeof ends / sizeof *ends, 0);
+        for (int i = 0; i < n; i++) ((struct client *)ends[i].data.ptr)->ended = true;
+    } while (n == sizeof ends / sizeof *ends);
+}
+
+/* In the middle of its request, all of which that it sent is read. */
 static bool has_left(const struct client *client)
 {
     char byte;
-    return (client->phase == CLIENT_HEADERS || client->phase == CLIENT_BODY) && !client->cut &&
+    return client->ended && client->phase <= CLIENT_BODY && !client->cut &&
            recv(client->fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) == 0;
 }
 
 void http_reap(struct http *http)
 {
     int64_t now = clock_us();
+    note_ends(http);
     for (struct client *client = http->clients; client; client = client->next) {
         if (now > client->deadline_us)
             client_cut(client, true);
@@ -177,7 +196,8 @@ struct http *http_create(const struct http_config *config)
     http_gauge(http, METRIC_QUEUE_MAX, (size_t)(options->workers + options->queue));
     http_gauge(http, METRIC_WORKERS, (size_t)options->workers);
     http_gauge(http, METRIC_BODY_MEMORY_MAX, http->budget.max);
-    if (!http->working || !start_daemon(http)) {
+    http->ends_fd = epoll_create1(EPOLL_CLOEXEC);
+    if (!http->working || http->ends_fd < 0 || !start_daemon(http)) {
         fputs("facetd: cannot start the HTTP server: out of memory or descriptors\n", stderr);
         http_destroy(http);
         return NULL;
@@ -197,6 +217,7 @@ void http_destroy(struct http *http)
 {
     if (!http) return;
     if (http->daemon) MHD_stop_daemon(http->daemon);
+    if (http->ends_fd >= 0) close(http->ends_fd);
     free(http->working);
     free(http);
 }

@@ -18,6 +18,7 @@ struct http {
     struct pool *pool;
     struct MHD_Daemon *daemon;
     int epoll_fd;
+    int ends_fd;             /* epoll: which clients have ended their side (client->ended) */
     bool draining, received; /* received: a piece of a body, in this run */
     struct client *clients;  /* all */
     size_t client_count, active_count;

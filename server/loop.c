@@ -92,7 +92,7 @@ static void tick(struct loop *loop)
     loop->reap_us = now + TICK_MS * 1000;
     http_reap(loop->http);
     loop->lingering = accept_tick(&loop->acceptor) > 0;
-    memory_tick(pool_pending(loop->pool) > 0);
+    memory_tick();
 }
 
 static void turn(struct loop *loop)

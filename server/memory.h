@@ -10,14 +10,14 @@
 
 #include <stdbool.h>
 
-/* Before any thread: fixes what libc keeps under load. */
+/* Before any thread: fixes what libc keeps from one request to the next. */
 void memory_open(void);
 
 /* On the main network thread: a request that was not small has ended. */
 void memory_used(void);
 bool memory_is_kept(void);
 
-/* To be called a few times a second while memory is kept: gives it back when it is not used. */
-void memory_tick(bool busy);
+/* To be called a few times a second while memory is kept: gives back what is free. */
+void memory_tick(void);
 
 #endif
