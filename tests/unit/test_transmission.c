@@ -94,25 +94,19 @@ static struct sums integrate(const facet_bsdf *bsdf, const double wo[3])
 static double lambda(const facet_material *m, const double k[3])
 {
     struct textbook_stretched t = textbook_stretch(&m->roughness, k);
-    double c = t.c, s = t.s, v = c / s;
-    if (!(c > 0)) return INFINITY;
-    if (s == 0) return 0;
+    double v = t.c / t.s;
+    if (!(t.c > 0) || t.s == 0) return t.c > 0 ? 0 : INFINITY;
     if (m->ndf == FACET_GGX) return (sqrt(1 + 1 / (v * v)) - 1) / 2;
     return (exp(-v * v) / (v * sqrt(pi)) - erfc(v)) / 2;
 }
 
-/* G2/G1(o) of light on wo's side and across. */
-static double kept_same(const facet_material *m, double lo, double li)
+/* G2/G1(o) of light across or on wo's side. */
+static double kept(const facet_material *m, bool across, double lo, double li)
 {
     if (isinf(li)) return 0;
-    return m->masking == FACET_SMITH ? (1 + lo) / (1 + lo + li) : 1 / (1 + li);
-}
-
-static double kept_across(const facet_material *m, double lo, double li)
-{
-    if (isinf(li)) return 0;
-    return m->masking == FACET_SMITH ? exp(lgamma(2 + lo) + lgamma(1 + li) - lgamma(2 + lo + li))
-                                     : 1 / (1 + li);
+    if (m->masking != FACET_SMITH) return 1 / (1 + li);
+    return across ? exp(lgamma(2 + lo) + lgamma(1 + li) - lgamma(2 + lo + li))
+                  : (1 + lo) / (1 + lo + li);
 }
 
 /* What one visible normal h of wo (above) sends where: F and Snell's law by angles, directions by vectors. */
@@ -135,8 +129,8 @@ static struct split split_at(const facet_material *m, const double wo[3], double
     }
     for (int j = 0; j < 3; j++) x.up[j] = wo[j] / n - (c / n - cosine_t) * h[j];
     x.jacobian = n * n * cosine_t / pow(c - n * cosine_t, 2);
-    if (same[2] > 0) x.same = kept_same(m, lo, lambda(m, same));
-    if (x.F < 1 && x.up[2] > 0) x.across = kept_across(m, lo, lambda(m, x.up));
+    if (same[2] > 0) x.same = kept(m, false, lo, lambda(m, same));
+    if (x.F < 1 && x.up[2] > 0) x.across = kept(m, true, lo, lambda(m, x.up));
     return x;
 }
 
@@ -495,10 +489,10 @@ TEST(conventions)
     CHECK_REL(y[1][0] * 2.25, y[0][0], 1e-15, 0);
     CHECK_REL(y[1][1] / 2.25, y[0][1], 1e-15, 0);
     facet_bsdf *bsdf = NULL;
-    m.fresnel.eta[0] = 1;
-    CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
-    m.fresnel.eta[0] = 0;
-    CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
+    for (int eta = 0; eta < 2; eta++) {
+        m.fresnel.eta[0] = eta;
+        CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_BAD_FRESNEL);
+    }
     m.fresnel.kind = FACET_FRESNEL_SCHLICK;
     CHECK_INT(facet_bsdf_create(&m, FACET_IMPORTANCE, &bsdf), FACET_UNSUPPORTED);
     CHECK(!bsdf);
