@@ -89,13 +89,8 @@ static facet_status evaluate_floats(const struct job *job, struct scratch *s, si
             outputs.of[q][c] = s->float_out[q][c];
     api_pairs_fill_floats(&job->pairs, at, n, s->float_again, in);
     s->float_again = true;
-    float *pdf = job->evaluation->sampler == FACET_SAMPLER_AUTO ? NULL : outputs.of[FACET_PDF][0];
-    if (pdf) outputs.of[FACET_PDF][0] = NULL;
-    facet_status status = facet_eval_float(job->surface.brdf, job->promise.tier, wi, wo, n,
-                                           &outputs);
-    if (status || !pdf) return status;
-    return facet_pdf_float(job->surface.brdf, job->promise.tier, job->evaluation->sampler, wi, wo,
-                           n, pdf);
+    return facet_eval_sampled_float(job->surface.brdf, job->promise.tier, job->evaluation->sampler,
+                                    wi, wo, n, &outputs);
 }
 
 /* Not where a result is beyond floats: doubles are then the ones to ask. */

@@ -287,11 +287,13 @@ static double caps_stretch(const facet_brdf *b, facet_tier tier)
     return 8 * arithmetic_of(tier) * (e.alpha_1 + lean) / e.alpha_2;
 }
 
-/* The tighter bound of isotropic alpha > 1 takes 1 + K c / r down to 2 / (1 + alpha^2). */
-static double cap_bound_condition(const facet_brdf *b, facet_tier tier)
+/*
+ * What BOUNDED makes of an absolute error in wo: up to A^2 times as much, where 1 + K is as little as
+ * 2 / (1 + A^2).
+ */
+static double cap_input_gain(const facet_brdf *b)
 {
-    bool tight = b->surface.cap_side < 0;
-    return tight ? 4 * arithmetic_of(tier) * b->surface.cap_a2 : 0;
+    return fmax(1, b->surface.cap_a2);
 }
 
 bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler,
@@ -308,9 +310,9 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
     if (!facet_bound(b, tier, density == FACET_SAMPLER_BOUNDED ? FACET_PDF : FACET_D, input_error,
                      bound))
         return false;
-    double condition = density == FACET_SAMPLER_BOUNDED ? cap_bound_condition(b, tier) : 0;
+    double gain = density == FACET_SAMPLER_BOUNDED ? cap_input_gain(b) : 1;
     if (density == FACET_SAMPLER_COSINE) *bound = input_error;
-    *bound += base_sampler_bound(tier, density, true) + condition + 4 * input_error;
+    *bound += base_sampler_bound(tier, density, true) + 4 * gain * input_error;
     return true;
 }
 

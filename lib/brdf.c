@@ -62,15 +62,14 @@ static enum kernel_shape shape_of(const facet_roughness *r)
     return r->alpha_x == r->alpha_y && r->rho == 0 ? KERNEL_ISO : KERNEL_CENTRAL;
 }
 
-/* Of bounded caps: A is the minor radius, at most 1; isotropic surfaces above 1 have a tighter form. */
+/* Of bounded caps: A is the minor radius, at most 1 unless the surface is isotropic. */
 static void set_caps(struct kernel_surface *s, const facet_roughness *r)
 {
     facet_ellipse e = facet_roughness_to_ellipse(r);
-    bool tight = shape_of(r) == KERNEL_ISO && r->alpha_x > 1;
-    double a = tight ? r->alpha_x : fmin(e.alpha_2, 1);
-    s->cap_keep = (1 - a) * (1 + a);
+    double a = shape_of(r) == KERNEL_ISO ? r->alpha_x : fmin(e.alpha_2, 1);
+    s->cap_rise = fabs((1 - a) * (1 + a));
     s->cap_a2 = a * a;
-    s->cap_side = tight ? -1 : 1;
+    s->cap_whole = 1 + a * a;
 }
 
 static struct kernel_surface prepare(const facet_material *m)

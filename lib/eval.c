@@ -18,9 +18,11 @@ static kernel_eval_fn *find_sampler_loop(const struct batch *batch,
                                          const struct facet_samplers *samplers,
                                          enum kernel_quantity quantity)
 {
-    facet_ndf ndf = batch->brdf->material.ndf;
-    if (quantity == KERNEL_PDF) return samplers->pdf[ndf][batch->sampler];
-    return samplers->weight[ndf][batch->sampler][batch->brdf->masking];
+    const facet_brdf *b = batch->brdf;
+    facet_ndf ndf = b->material.ndf;
+    if (quantity == KERNEL_WEIGHT) return samplers->weight[ndf][batch->sampler][b->masking];
+    kernel_eval_fn *const *shapes = samplers->pdf[ndf][batch->sampler];
+    return shapes[b->shape] ? shapes[b->shape] : shapes[KERNEL_SHEARED];
 }
 
 static kernel_eval_fn *find_loop(const struct batch *batch, const struct loops *loops,
@@ -73,14 +75,15 @@ static bool run(const struct batch *batch, const struct loops *loops, const stru
 }
 
 /* fr and pdf in one pass: what a renderer asks for. */
-static kernel_eval_fn *joint_loop(const struct batch *batch, const struct facet_kernels *kernels)
+static kernel_eval_fn *joint_loop(const struct batch *batch, const struct loops *loops)
 {
     const facet_brdf *b = batch->brdf;
     if (!batch->out[KERNEL_FR][0].data || !batch->out[KERNEL_PDF][0].data ||
         b->masking != KERNEL_SMITH)
         return NULL;
-    if (batch->sampler != FACET_SAMPLER_AUTO) return NULL;
-    return kernels->fr_pdf[b->material.ndf][b->shape];
+    if (batch->sampler != FACET_SAMPLER_AUTO)
+        return loops->samplers->fr_pdf[b->material.ndf][batch->sampler][b->shape];
+    return loops->kernels->fr_pdf[b->material.ndf][b->shape];
 }
 
 /* The quantities asked for. */
@@ -109,7 +112,7 @@ static void run_in_place(const struct batch *batch, const struct loops *loops,
         for (int c = 0; c < 3; c++)
             job.out[wanted->quantity[i]][c] =
                 facet_array_at(batch->out[wanted->quantity[i]][c], start).data;
-    kernel_eval_fn *joint = wanted->count > 1 ? joint_loop(batch, loops->kernels) : NULL;
+    kernel_eval_fn *joint = wanted->count > 1 ? joint_loop(batch, loops) : NULL;
     if (joint && joint(&batch->brdf->surface, &job, n)) {
         redo_strays(batch, KERNEL_FR, start, n);
         redo_strays(batch, KERNEL_PDF, start, n);
@@ -147,11 +150,22 @@ facet_tier facet_batch_tier(const facet_brdf *b, facet_tier tier)
     return tier < FACET_EXACT32 && !b->floats_hold ? FACET_EXACT32 : tier;
 }
 
+/* The table has a density and no more. */
+static void run_with_table(const struct batch *batch, size_t n)
+{
+    struct batch rest = *batch;
+    facet_table_weigh(batch, n);
+    rest.sampler = FACET_SAMPLER_AUTO;
+    for (int c = 0; c < 3; c++)
+        rest.out[KERNEL_PDF][c].data = rest.out[KERNEL_WEIGHT][c].data = NULL;
+    if (wanted_of(&rest).count) facet_batch_run(&rest, n);
+}
+
 void facet_batch_run(const struct batch *batch, size_t n)
 {
     enum kernel_io io;
     if (batch->sampler == FACET_SAMPLER_TABLE) {
-        facet_table_weigh(batch, n);
+        run_with_table(batch, n);
         return;
     }
     facet_tier tier = facet_batch_tier(batch->brdf, batch->tier);
@@ -232,32 +246,72 @@ static void redo_strays(const struct batch *batch, int quantity, size_t start, s
     }
 }
 
-facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
-                        size_t n, const facet_outputs *outputs)
+static struct batch batch_of_doubles(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi,
+                                     facet_vec3_in wo, const facet_outputs *outputs)
 {
-    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
     struct batch batch = {.brdf = brdf,
                           .tier = tier,
                           .wi = {facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z)},
                           .wo = {facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z)}};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         for (int c = 0; c < 3; c++) batch.out[q][c] = facet_doubles(outputs->of[q][c]);
-    facet_batch_run(&batch, n);
-    return FACET_OK;
+    return batch;
 }
 
-facet_status facet_eval_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wi,
-                              facet_vec3_in_float wo, size_t n, const facet_outputs_float *outputs)
+static struct batch batch_of_floats(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wi,
+                                    facet_vec3_in_float wo, const facet_outputs_float *outputs)
 {
-    if ((unsigned)tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
     struct batch batch = {.brdf = brdf,
                           .tier = tier,
                           .wi = {facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z)},
                           .wo = {facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z)}};
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         for (int c = 0; c < 3; c++) batch.out[q][c] = facet_floats(outputs->of[q][c]);
-    facet_batch_run(&batch, n);
+    return batch;
+}
+
+static facet_status evaluate(const struct batch *batch, size_t n)
+{
+    if ((unsigned)batch->tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
+    facet_batch_run(batch, n);
     return FACET_OK;
+}
+
+facet_status facet_eval(const facet_brdf *brdf, facet_tier tier, facet_vec3_in wi, facet_vec3_in wo,
+                        size_t n, const facet_outputs *outputs)
+{
+    const struct batch batch = batch_of_doubles(brdf, tier, wi, wo, outputs);
+    return evaluate(&batch, n);
+}
+
+facet_status facet_eval_float(const facet_brdf *brdf, facet_tier tier, facet_vec3_in_float wi,
+                              facet_vec3_in_float wo, size_t n, const facet_outputs_float *outputs)
+{
+    const struct batch batch = batch_of_floats(brdf, tier, wi, wo, outputs);
+    return evaluate(&batch, n);
+}
+
+static facet_status evaluate_sampled(struct batch *batch, facet_sampler sampler, size_t n)
+{
+    facet_status status = facet_batch_sampler(batch->brdf, sampler, &batch->sampler);
+    return status ? status : evaluate(batch, n);
+}
+
+facet_status facet_eval_sampled(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                                facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                                const facet_outputs *outputs)
+{
+    struct batch batch = batch_of_doubles(brdf, tier, wi, wo, outputs);
+    return evaluate_sampled(&batch, sampler, n);
+}
+
+facet_status facet_eval_sampled_float(const facet_brdf *brdf, facet_tier tier,
+                                      facet_sampler sampler, facet_vec3_in_float wi,
+                                      facet_vec3_in_float wo, size_t n,
+                                      const facet_outputs_float *outputs)
+{
+    struct batch batch = batch_of_floats(brdf, tier, wi, wo, outputs);
+    return evaluate_sampled(&batch, sampler, n);
 }
 
 facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,

@@ -311,6 +311,18 @@ facet_status facet_eval_float(const facet_brdf *brdf, facet_tier tier, facet_vec
                               facet_vec3_in_float wo, size_t n, const facet_outputs_float *outputs);
 
 /*
+ * The same, but that FACET_PDF is what facet_pdf has for this sampler, its bound facet_pdf_bound's.
+ * UNSUPPORTED where it does not serve the distribution.
+ */
+facet_status facet_eval_sampled(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                                facet_vec3_in wi, facet_vec3_in wo, size_t n,
+                                const facet_outputs *outputs);
+facet_status facet_eval_sampled_float(const facet_brdf *brdf, facet_tier tier,
+                                      facet_sampler sampler, facet_vec3_in_float wi,
+                                      facet_vec3_in_float wo, size_t n,
+                                      const facet_outputs_float *outputs);
+
+/*
  * With shear THESIS the denominator of fr cancels or underflows: the largest
  * sum-of-magnitudes / |denominator| over these pairs, by which the bound of
  * fr, fr_cos and G grows; beyond 1e300 where nothing is left of a sigma.  1 for

@@ -247,33 +247,16 @@ facet_status facet_sample_float(const facet_brdf *brdf, facet_tier tier, facet_s
     return draw(&d, sampler, n);
 }
 
-/* b: directions and tier. */
-static facet_status density(struct batch *b, facet_sampler sampler, struct array pdf, size_t n)
-{
-    if ((unsigned)b->tier >= FACET_TIER_COUNT) return FACET_UNSUPPORTED;
-    facet_status status = facet_batch_sampler(b->brdf, sampler, &b->sampler);
-    if (status) return status;
-    b->out[KERNEL_PDF][0] = pdf;
-    facet_batch_run(b, n);
-    return FACET_OK;
-}
-
 facet_status facet_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
                        facet_vec3_in wi, facet_vec3_in wo, size_t n, double *pdf)
 {
-    struct batch batch = {.brdf = brdf,
-                          .tier = tier,
-                          .wi = {facet_doubles(wi.x), facet_doubles(wi.y), facet_doubles(wi.z)},
-                          .wo = {facet_doubles(wo.x), facet_doubles(wo.y), facet_doubles(wo.z)}};
-    return density(&batch, sampler, facet_doubles(pdf), n);
+    const facet_outputs outputs = {.of = {[FACET_PDF] = {pdf, NULL, NULL}}};
+    return facet_eval_sampled(brdf, tier, sampler, wi, wo, n, &outputs);
 }
 
 facet_status facet_pdf_float(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
                              facet_vec3_in_float wi, facet_vec3_in_float wo, size_t n, float *pdf)
 {
-    struct batch batch = {.brdf = brdf,
-                          .tier = tier,
-                          .wi = {facet_floats(wi.x), facet_floats(wi.y), facet_floats(wi.z)},
-                          .wo = {facet_floats(wo.x), facet_floats(wo.y), facet_floats(wo.z)}};
-    return density(&batch, sampler, facet_floats(pdf), n);
+    const facet_outputs_float outputs = {.of = {[FACET_PDF] = {pdf, NULL, NULL}}};
+    return facet_eval_sampled_float(brdf, tier, sampler, wi, wo, n, &outputs);
 }

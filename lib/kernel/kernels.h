@@ -62,9 +62,8 @@ struct kernel_surface {
     double inverse_alpha2;                   /* isotropic */
     double slope_x, slope_y;
     double mean; /* the mean slope in standard slopes, no less than its length there */
-    const struct kernel_table *table; /* FACET_TABULATED only */
-    double cap_keep, cap_a2,
-        cap_side; /* bounded caps (sample.h): 1 - A^2, A^2 and the sign of |wo_xy| in q */
+    const struct kernel_table *table;   /* FACET_TABULATED only */
+    double cap_rise, cap_a2, cap_whole; /* bounded caps (sample.h): |1 - A^2|, A^2, 1 + A^2 */
 };
 
 /* One channel of a Fresnel term. */
@@ -152,7 +151,9 @@ enum { KERNEL_SAMPLER_COUNT = FACET_SAMPLER_TABLE }; /* table_sample.c draws TAB
  */
 struct facet_samplers {
     kernel_sample_fn *draw[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT]; /* NULL: not in this tier */
-    kernel_eval_fn *pdf[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT];
+    kernel_eval_fn *pdf[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT][KERNEL_SHAPE_COUNT];
+    kernel_eval_fn
+        *fr_pdf[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT][KERNEL_SHAPE_COUNT]; /* as above */
     kernel_eval_fn *weight[FACET_NDF_COUNT][KERNEL_SAMPLER_COUNT][KERNEL_MASKING_COUNT];
 };
 

@@ -51,44 +51,38 @@ INLINE real pole_margin(const struct kernel_surface *s, real radius2, real terms
 
 /*
  * The share K of the cap's lower bound -K c that is left where nothing below it rises
- * above the horizon (Eto & Tokuyoshi 2023): K = (1 - A^2) q^2 / (q^2 + A^2 z^2), 1 - K
- * = A^2 (q^2 + z^2) / (q^2 + A^2 z^2), q = 1 +- |wo_xy|; 1 for wo below the horizon.
+ * above the horizon (Eto & Tokuyoshi 2023): K = (1 - A^2) q^2 / (q^2 + A^2 z^2), q = 1 +-
+ * |wo_xy|, - where A > 1; of unit vectors z^2 = (1 - |wo_xy|)(1 + |wo_xy|), so that with
+ * e = |1 - A^2| |wo_xy|
+ *   K = (1 - A^2 + e) / w,   1 + K = 2 (1 + e) / w,   1 - K = 2 A^2 / w,   w = 1 + A^2 + e:
+ * of the last two nothing cancels, whatever the length that rounding left to wo.  1 below the horizon.
  */
-struct share {
-    real kept, cut; /* K and 1 - K */
+struct cap {
+    real raised, whole; /* 1 + e and w */
 };
 
-INLINE struct share cap_share(const struct kernel_surface *s, struct vec3 wo)
+INLINE struct cap cap_of(const struct kernel_surface *s, struct vec3 wo)
 {
-    real side = root_from_zero(madd(wo.x, wo.x, wo.y * wo.y)), z2 = wo.z * wo.z;
-    real q = madd(splat(R(s->cap_side)), side, splat(1)), q2 = q * q;
-    real inverse = recip(real_max(madd(splat(R(s->cap_a2)), z2, q2), splat(REAL_MIN)));
-    mask above = less(splat(0), wo.z);
-    return (struct share){select(above, R(s->cap_keep) * q2 * inverse, splat(1)),
-                          select(above, R(s->cap_a2) * (q2 + z2) * inverse, splat(0))};
+    real side = root_from_zero(madd(wo.x, wo.x, wo.y * wo.y)), rise = splat(R(s->cap_rise));
+    return (struct cap){madd(rise, side, splat(1)), madd(rise, side, splat(R(s->cap_whole)))};
 }
 
-/* K c + r, or it over r: above 0 of every wo of length 1, a cap of no height of others. */
-INLINE real cap_height(struct share share, real c, real r)
+/* pdf = D / this: 2 (K c + r) = 2 (r - c) + 2 (1 + K) c, r - c = s^2 / (r + c); 4 sigma_o where c < 0. */
+INLINE struct fraction cap_area(struct cap cap, struct direction o)
 {
-    return real_max(madd(share.kept, c, r), splat(0));
-}
-
-/* pdf = D / this: 2 (K c + r), which is 4 sigma_o where K = 1. */
-INLINE real cap_area(struct share share, struct direction o)
-{
-    return select(less(splat(0), o.c), 2 * cap_height(share, o.c, ggx_length(o)), 4 * ggx_sigma(o));
+    real large = ggx_length(o) + real_abs(o.c), front = real_max(o.c, splat(0));
+    return (struct fraction){2 * madd(o.s2, cap.whole, 2 * cap.raised * front * large),
+                             cap.whole * large};
 }
 
 /*
  * Spherical caps (Dupuy & Benyoub 2023).  m = C + k', C uniform on the cap of
  * directions above -K k'_z: m_z = (1 - u2)(1 + K k'_z) + (1 - K) k'_z, and the radius
  * of C from 1 - C_z = u2 (1 + K k'_z), 1 + C_z = (1 - K k'_z) + (1 - u2)(1 + K k'_z),
- * where 1 +- k'_z, 1 - u2, 1 - K and their products are never differences.
+ * where 1 +- k'_z, 1 - u2, 1 +- K and their products are never differences.
  */
-INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction o,
-                                struct share share, bool bounded, struct uniform u1,
-                                struct uniform u2)
+INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction o, struct cap cap,
+                                bool bounded, struct uniform u1, struct uniform u2)
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
     real large = r + real_abs(o.c), more = large * inverse, lift = splat(0);
@@ -96,10 +90,10 @@ INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction
     mask behind = less(o.c, splat(0));
     real up = select(behind, less_, more), down = select(behind, more, less_);
     if (bounded) {
-        real k = o.c * inverse;
-        lift = share.cut * k;
-        up = select(behind, up, cap_height(share, k, splat(1)));
-        down = select(behind, down, lift + down);
+        real part = 2 * real_max(o.c, splat(0)) * inverse * recip(cap.whole);
+        lift = R(s->cap_a2) * part;
+        up = madd(cap.raised, part, less_);
+        down += lift;
     }
     real z = u2.rest * up, radius2 = u2.u * up * (down + z), radius = root_from_zero(radius2);
     struct sin_cos turn = sin_cos_turns(u1.u);

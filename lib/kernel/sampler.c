@@ -25,19 +25,19 @@ INLINE struct uniform load_uniform(const struct kernel_job *job, int which, size
 }
 
 INLINE struct normal draw_normal(enum facet_sampler sampler, enum facet_ndf ndf,
-                                 const struct kernel_surface *s, struct direction o,
-                                 struct share share, struct uniform u1, struct uniform u2)
+                                 const struct kernel_surface *s, struct direction o, struct cap cap,
+                                 struct uniform u1, struct uniform u2)
 {
     if (sampler == FACET_SAMPLER_NDF) return any_normal(s, ndf, u1, u2);
     if (sampler == FACET_SAMPLER_VCAVITY) return cavity_normal(s, ndf, o, u1, u2);
     if (sampler == FACET_SAMPLER_SLOPE)
         return ndf == FACET_GGX ? ggx_slopes(o, u1, u2) : beckmann_sample(o, u1, u2);
-    return cap_sample(s, o, share, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
+    return cap_sample(s, o, cap, sampler == FACET_SAMPLER_BOUNDED, u1, u2);
 }
 
 /* pdf = D / this, never 0: of a sample at its pole, wo.h = 0 by rounding, the density saturates. */
 INLINE real area_of(enum facet_sampler sampler, struct model m, const struct kernel_surface *s,
-                    struct direction o, struct share share, const struct reflected *a)
+                    struct direction o, struct cap cap, const struct reflected *a)
 {
     const real single = real_max(4 * a->seen, splat(REAL_MIN));
     switch (sampler) {
@@ -45,7 +45,7 @@ INLINE real area_of(enum facet_sampler sampler, struct model m, const struct ker
     case FACET_SAMPLER_VCAVITY:
         return select((mask)(a->faces | less(splat(0), o.c)), 2 * real_max(2 * o.c, a->seen),
                       single);
-    case FACET_SAMPLER_BOUNDED: return cap_area(share, o);
+    case FACET_SAMPLER_BOUNDED: return value_of(cap_area(cap, o));
     default: return 4 * sigma_scaled(m, s, o);
     }
 }
@@ -57,15 +57,15 @@ INLINE mask draw(enum facet_sampler sampler, enum facet_ndf ndf, const struct ke
     const struct model m = {ndf, KERNEL_SHEARED, KERNEL_SMITH};
     struct vec3 wo = load_vec3(job->wo, k);
     struct direction o = direction_of(s, KERNEL_SHEARED, wo, mean_cosine(s, wo));
-    struct share share = {splat(1), splat(0)};
-    if (sampler == FACET_SAMPLER_BOUNDED) share = cap_share(s, wo);
-    struct normal n = draw_normal(sampler, ndf, s, o, share, load_uniform(job, 0, k),
+    struct cap cap = {splat(1), splat(1)};
+    if (sampler == FACET_SAMPLER_BOUNDED) cap = cap_of(s, wo);
+    struct normal n = draw_normal(sampler, ndf, s, o, cap, load_uniform(job, 0, k),
                                   load_uniform(job, 1, k));
     struct reflected a = reflect_sample(s, wo, n);
     store_vec3(job->sampled_wi, k, a.wi);
     if (job->sampled_h[0]) store_vec3(job->sampled_h, k, a.h);
     if (job->sampled_pdf)
-        store_at(job->sampled_pdf, k, ratio(a.density, area_of(sampler, m, s, o, share, &a)));
+        store_at(job->sampled_pdf, k, ratio(a.density, area_of(sampler, m, s, o, cap, &a)));
     return less(n.margin, splat(0));
 }
 
@@ -128,22 +128,28 @@ static size_t draw_COSINE(const struct kernel_surface *surface, const struct ker
 
 /* ---- densities ------------------------------------------------------------------------------ */
 
-/* C . z + K c >= 0 of the C that makes h, times r mm: 2 (k.m) m_z - (1 - K) c mm. */
-INLINE mask below_cap(struct share share, struct direction o, struct half h)
+/* C . z + K c < 0 of the C that makes h, times r mm / (1 - K): (k.m) m_z < A^2 c mm / w. */
+INLINE mask below_cap(struct model m, const struct kernel_surface *s, struct cap cap,
+                      const struct terms *t)
 {
-    real mm = madd(h.x, h.x, madd(h.y, h.y, h.z * h.z));
-    real seen = madd(o.a, h.x, madd(o.b, h.y, o.c * h.z));
-    return less(2 * seen * h.z, share.cut * o.c * mm);
+    struct vec3 wo = t->given.wo;
+    struct half h = t->h;
+    /* k.m = wo.h; x and y are those of H itself where isotropic. */
+    real seen = m.shape == KERNEL_ISO ? madd(wo.x, h.x, madd(wo.y, h.y, wo.z * h.hz))
+                                      : madd(t->o.a, h.x, madd(t->o.b, h.y, t->o.c * h.z));
+    real lowest = R(s->cap_a2) * real_max(t->o.c, splat(0)) * standard_square(m.shape, h);
+    return less(seen * h.hz * cap.whole, lowest);
 }
 
 INLINE real pdf_bounded(struct model m, const struct kernel_surface *s, const struct terms *t)
 {
-    struct share share = cap_share(s, t->given.wo);
-    struct fraction d = density(m, s, t->h);
-    /* What is above the horizon is never cut, however its last digits fall. */
-    mask cut = (mask)((mask)~less(splat(0), t->i.z) & below_cap(share, t->o, t->h));
-    real area = real_max(cap_area(share, t->o), splat(REAL_MIN));
-    return facing_up(t->h, select(cut, splat(0), saturated(quotient(d.num, d.den * area))));
+    struct cap cap = cap_of(s, t->given.wo);
+    struct fraction d = density(m, s, t->h), area = cap_area(cap, t->o);
+    real value = saturated(quotient(d.num * area.den, d.den * real_max(area.num, splat(REAL_MIN))));
+    /* What is above the horizon is never cut, however its last digits fall; mostly all of it is. */
+    mask below = (mask)~less(splat(0), t->i.z);
+    if (any(below)) value = select((mask)(below & below_cap(m, s, cap, t)), splat(0), value);
+    return facing_up(t->h, value);
 }
 
 /* D |h_z| / (4 |wo.h|) = D |H_z| / (2 |H|^2), h turned up. */
@@ -178,8 +184,9 @@ INLINE real pdf_cosine(struct model m, const struct kernel_surface *s, const str
 /* fr cos theta_i / (F pdf), D gone. */
 INLINE real weight_bounded(struct model m, const struct kernel_surface *s, const struct terms *t)
 {
-    struct fraction f = reflect(m, s, t->i, t->o, t->h, false);
-    return lit(t->i, t->o, ratio(cap_area(cap_share(s, t->given.wo), t->o) * f.num, f.den));
+    struct fraction f = reflect(m, s, t->i, t->o, t->h, false),
+                    area = cap_area(cap_of(s, t->given.wo), t->o);
+    return lit(t->i, t->o, ratio(area.num * f.num, area.den * f.den));
 }
 
 INLINE real weight_ndf(struct model m, const struct kernel_surface *s, const struct terms *t)
@@ -204,18 +211,25 @@ INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const 
     return saturated(quantity_fr(m, s, t->i, t->o, t->h) * R(1 / ONE_OVER_PI));
 }
 
-#define PDF_LOOP(sampler, function, ndf)                                                           \
-    LOOP(pdf_##sampler##_##ndf, ndf, SHEARED, SMITH, (void)0, {                                    \
+#define PDF_OF(function)                                                                           \
+    {                                                                                              \
+        scale = 1;                                                                                 \
         real value = function(m, &s, &t);                                                          \
         STORE_MARKED(PDF)                                                                          \
-    })
-#define WEIGHT_LOOP(sampler, function, ndf, masking)                                               \
-    LOOP(weight_##sampler##_##ndf##_##masking, ndf, SHEARED, masking, (void)0, {                   \
+    }
+#define PDF_LOOP(sampler, function, ndf, shape)                                                    \
+    LOOP(pdf_##sampler##_##ndf##_##shape, ndf, shape, SMITH, (void)0, PDF_OF(function))
+#define JOINT_LOOP(sampler, function, ndf, shape)                                                  \
+    LOOP(fr_pdf_##sampler##_##ndf##_##shape, ndf, shape, SMITH, (void)0,                           \
+         ONE_QUANTITY(FR) PDF_OF(function))
+#define WEIGHT_LOOP(sampler, function, ndf, shape, masking)                                        \
+    LOOP(weight_##sampler##_##ndf##_##masking, ndf, shape, masking, (void)0, {                     \
         real value = function(m, &s, &t);                                                          \
         STORE_MARKED(WEIGHT)                                                                       \
     })
 #include "samplers.def"
 #undef PDF_LOOP
+#undef JOINT_LOOP
 #undef WEIGHT_LOOP
 
 /* ---- the table ------------------------------------------------------------------------------- */
@@ -240,9 +254,12 @@ const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA
             [FACET_TABULATED] = {[FACET_SAMPLER_COSINE] =
                                      draw_COSINE}, /* the others: table_sample.c */
         },
-#define PDF_LOOP(sampler, function, ndf)                                                           \
-    .pdf[FACET_##ndf][FACET_SAMPLER_##sampler] = pdf_##sampler##_##ndf,
-#define WEIGHT_LOOP(sampler, function, ndf, masking)                                               \
+#define PDF_LOOP(sampler, function, ndf, shape)                                                    \
+    .pdf[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##shape] = pdf_##sampler##_##ndf##_##shape,
+#define JOINT_LOOP(sampler, function, ndf, shape)                                                  \
+    .fr_pdf[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##shape] =                                \
+        fr_pdf_##sampler##_##ndf##_##shape,
+#define WEIGHT_LOOP(sampler, function, ndf, shape, masking)                                        \
     .weight[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##masking] =                              \
         weight_##sampler##_##ndf##_##masking,
 #include "samplers.def"

@@ -51,7 +51,7 @@ quad reference_bounded_share(const facet_material *material, const double wo[3])
 {
     const facet_roughness *r = &material->roughness;
     if (!is_central(r) || !(wo[2] > 0) || material->ndf != FACET_GGX) return 1;
-    quad alpha_1, alpha_2, x = wo[0], y = wo[1], z = wo[2], side = sqrtq(x * x + y * y), sign = 1;
+    quad alpha_1, alpha_2, x = wo[0], y = wo[1], side = sqrtq(x * x + y * y), sign = 1;
     axes(r, &alpha_1, &alpha_2);
     quad a = alpha_1 < alpha_2 ? alpha_1 : alpha_2;
     bool isotropic = r->alpha_x == r->alpha_y && r->rho == 0;
@@ -59,8 +59,8 @@ quad reference_bounded_share(const facet_material *material, const double wo[3])
         sign = -1;
     else if (a > 1)
         a = 1;
-    quad q = 1 + sign * side;
-    return (1 - a * a) * q * q / (q * q + a * a * z * z);
+    quad q = 1 + sign * side, p = 1 - sign * side; /* z^2 = p q of a unit vector */
+    return (1 - a * a) * q / (q + a * a * p);
 }
 
 /* C uniform on the directions with C_z > -K k'_z; m = C + k'. */

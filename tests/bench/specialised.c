@@ -46,6 +46,7 @@ struct scene {
     enum kernel_shape shape;
     facet_tier tier;
     const struct facet_kernels *kernels;
+    const struct facet_samplers *samplers;
     facet_brdf *brdf;
     struct kernel_job job;
 };
@@ -93,6 +94,7 @@ static bool open_scene(struct scene *s, facet_fresnel_kind kind)
 {
     enum kernel_io io = s->tier == FACET_PRECISE ? KERNEL_DOUBLE : KERNEL_FLOAT;
     s->kernels = facet_kernels_for(s->tier, io);
+    s->samplers = facet_samplers_for(s->tier, io);
     s->brdf = brdf_of(s->ndf, s->shape, kind);
     if (!s->kernels || !s->brdf) return false;
     fill_directions(io);
@@ -158,6 +160,10 @@ static void compare_outputs(const struct scene *s)
     struct loops joint = {1, {s->kernels->fr_pdf[s->ndf][s->shape]}},
                  two = {2, {serving(s, FACET_FR), serving(s, FACET_PDF)}};
     compare(s, "outputs", "fr and pdf at once", &joint, &two);
+    enum { BOUNDED = FACET_SAMPLER_BOUNDED };
+    struct loops bounded = {1, {s->samplers->fr_pdf[s->ndf][BOUNDED][s->shape]}},
+                 each = {2, {serving(s, FACET_FR), s->samplers->pdf[s->ndf][BOUNDED][s->shape]}};
+    compare(s, "outputs", "fr and pdf of bounded caps at once", &bounded, &each);
 }
 
 static void compare_all(struct scene s)

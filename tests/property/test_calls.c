@@ -101,3 +101,50 @@ TEST(the_thesis_is_never_replaced)
             facet_brdf_destroy(brdf);
         }
 }
+
+/* fr and pdf of one call, which may be one loop, and of a call each. */
+static void compare_joint(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
+                          struct rng *rng)
+{
+    static float i[3][N], o[3][N], fr[2][N], pdf[2][N];
+    static double di[3][N], d_o[3][N], d_fr[2][N], d_pdf[2][N];
+    draw_wo(rng, i), draw_wo(rng, o);
+    for (int k = 0; k < N; k += 3) i[2][k] = -i[2][k];
+    for (int j = 0; j < 3; j++) widen(i[j], di[j]), widen(o[j], d_o[j]);
+    const facet_vec3_in_float wi = {i[0], i[1], i[2]}, wo = {o[0], o[1], o[2]};
+    const facet_vec3_in dwi = {di[0], di[1], di[2]}, dwo = {d_o[0], d_o[1], d_o[2]};
+    const facet_outputs_float both = {.of = {[FACET_FR] = {fr[0]}, [FACET_PDF] = {pdf[0]}}},
+                              alone = {.of = {[FACET_FR] = {fr[1]}}};
+    const facet_outputs d_both = {.of = {[FACET_FR] = {d_fr[0]}, [FACET_PDF] = {d_pdf[0]}}},
+                        d_alone = {.of = {[FACET_FR] = {d_fr[1]}}};
+    CHECK_INT(facet_eval_sampled_float(brdf, tier, sampler, wi, wo, N, &both), FACET_OK);
+    CHECK_INT(facet_eval_float(brdf, tier, wi, wo, N, &alone), FACET_OK);
+    CHECK_INT(facet_pdf_float(brdf, tier, sampler, wi, wo, N, pdf[1]), FACET_OK);
+    CHECK_INT(facet_eval_sampled(brdf, tier, sampler, dwi, dwo, N, &d_both), FACET_OK);
+    CHECK_INT(facet_eval(brdf, tier, dwi, dwo, N, &d_alone), FACET_OK);
+    CHECK_INT(facet_pdf(brdf, tier, sampler, dwi, dwo, N, d_pdf[1]), FACET_OK);
+    for (int k = 0; k < N; k++) {
+        CHECK(fr[0][k] == fr[1][k] && pdf[0][k] == pdf[1][k]);
+        CHECK(d_fr[0][k] == d_fr[1][k] && d_pdf[0][k] == d_pdf[1][k]);
+    }
+}
+
+TEST(a_pdf_beside_fr_is_the_pdf_alone)
+{
+    static const double shapes[3][2] = {{0.4, 0}, {0.3, 0}, {0.3, 0.2}}; /* alpha_y, slope_x */
+    struct rng rng;
+    rng_seed(&rng, 93);
+    for (int k = 0; k < 6; k++) {
+        facet_material m = {
+            .ndf = k < 3 ? FACET_GGX : FACET_BECKMANN,
+            .roughness = {.alpha_x = 0.4, .alpha_y = shapes[k % 3][0], .slope_x = shapes[k % 3][1]},
+            .fresnel = {.kind = FACET_FRESNEL_IDEAL, .channels = 1}};
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        for (int s = FACET_SAMPLER_AUTO; brdf && s < FACET_SAMPLER_COUNT; s++)
+            for (int tier = 0;
+                 facet_sampler_serves((facet_sampler)s, m.ndf) && tier < FACET_TIER_COUNT; tier++)
+                compare_joint(brdf, (facet_tier)tier, (facet_sampler)s, &rng);
+        facet_brdf_destroy(brdf);
+    }
+}

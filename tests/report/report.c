@@ -429,7 +429,7 @@ static double time_of_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler
 {
     enum { N = 4096, ROUNDS = 400 };
     static float d[6][N], fr[N], pdf[N];
-    facet_outputs_float out = {.of = {[FACET_FR] = {fr, NULL, NULL}}};
+    const facet_outputs_float out = {.of = {[FACET_FR] = {fr}, [FACET_PDF] = {pdf}}};
     const facet_vec3_in_float wi = {d[0], d[1], d[2]}, wo = {d[3], d[4], d[5]};
     uint64_t state = 13;
     double best = INFINITY;
@@ -439,11 +439,9 @@ static double time_of_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler
         v[0][k % N] = (float)(s * cos(phi)), v[1][k % N] = (float)(s * sin(phi)),
                  v[2][k % N] = (float)z;
     }
-    if (method == FACET_SAMPLER_AUTO) out.of[FACET_PDF][0] = pdf;
     for (int round = 0; round < ROUNDS; round++) {
         double start = now_ns();
-        facet_eval_float(brdf, tier, wi, wo, N, &out);
-        if (method != FACET_SAMPLER_AUTO) facet_pdf_float(brdf, tier, method, wi, wo, N, pdf);
+        facet_eval_sampled_float(brdf, tier, method, wi, wo, N, &out);
         best = fmin(best, (now_ns() - start) / N);
     }
     return best;
@@ -455,9 +453,8 @@ static void write_price(FILE *md)
     fprintf(
         md,
         "\n### What the density of the better sampler costs\n\nGGX, Smith, alpha 0.3: fr and pdf of a pair, ns; in brackets the bound "
-        "of the pdf. That of `auto` "
-        "shares a loop with fr, and in fast it meets the default tolerance of 1e-6, which the other leaves to exact32: "
-        "so `auto` keeps the plain density, and the better sampler is had by its name.\n\n| tier | caps (`auto`) | bounded | |\n|---|---|---|---|\n");
+        "of the pdf. Either "
+        "shares a loop with fr, and in fast it meets the default tolerance of 1e-6.\n\n| tier | caps (`auto`) | bounded | |\n|---|---|---|---|\n");
     facet_material m = {.ndf = FACET_GGX,
                         .fresnel = {.channels = 1},
                         .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}};
