@@ -302,7 +302,7 @@ chi2: $(B)/tests/property/test_sample_pdf ## chi squared of every sampler, model
 
 # The experiments of the papers, as tables and pictures.
 REPORT := $(B)/tests/report/report
-$(REPORT): $(addprefix $(B)/tests/report/,report.o samplers.o) $(B)/libfacet.a
+$(REPORT): $(addprefix $(B)/tests/,report/report.o report/kernels_report.o report/samplers.o support/rng.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lquadmath -lm
 report: ## furnaces, wasted samples, efficiency of the samplers: build/report/report.md, .csv, .png, .svg
 	@$(MAKE) --no-print-directory deps WHEN='build report'

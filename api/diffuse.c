@@ -94,10 +94,7 @@ static facet_status eval_specular(const struct surface *surface, facet_tier tier
         for (int c = 0; c < 3 && outputs->of[q][c]; c++)
             memset(outputs->of[q][c], 0, n * sizeof *outputs->of[q][c]);
     if (surface->is_lambert) return FACET_OK;
-    /* Where nobody asked for a pdf, any material may be evaluated. */
-    return outputs->of[FACET_PDF][0]
-               ? facet_eval_sampled(surface->brdf, tier, sampler, wi, wo, n, outputs)
-               : facet_eval(surface->brdf, tier, wi, wo, n, outputs);
+    return facet_eval_sampled(surface->brdf, tier, sampler, wi, wo, n, outputs);
 }
 
 facet_status api_surface_eval(const struct surface *surface, facet_tier tier, facet_sampler sampler,

@@ -8,6 +8,9 @@
 
 #include <stdatomic.h>
 
+/* Of the materials that are described. */
+#define ALPHA 0.3
+
 struct model {
     const char *ndf;
     const char *sampler; /* NULL: cannot be sampled */
@@ -50,7 +53,9 @@ static const char *const quantity_names[] = {
 static const struct field model_fields[] = {
     {F(model, ndf), FIELD_TEXT, FIELD_MUST, .doc = "distribution of slopes; lambert has none"},
     {F(model, sampler), FIELD_TEXT,
-     .doc = "how it is sampled unless asked otherwise, if it can be"},
+     .doc =
+         "how it is sampled unless asked otherwise, if it can be, at alpha 0.3 and smith masking: "
+         "\"auto\" goes by the material"},
     {F(model, samplers), FIELD_SET, .names = api_sampler_names,
      .doc = "all the ways it can be sampled, if it can be"},
     {F(model, masking), FIELD_SET, .names = api_masking_names, .doc = "maskings, of microfacets"},
@@ -131,9 +136,11 @@ static bool list_models(struct call *call, struct list *out)
     if (!models) return api_problem_memory(call->problem);
     for (int i = 0; i < COUNT; i++) {
         bool has_facets = i < FACET_NDF_COUNT;
-        facet_sampler best = api_sampler_auto(i);
+        const struct surface plain = {
+            .facet = {.ndf = (facet_ndf)i, .roughness = {.alpha_x = ALPHA, .alpha_y = ALPHA}},
+            .is_lambert = i == NDF_LAMBERT};
         models[i] = (struct model){api_ndf_names[i],
-                                   best == FACET_SAMPLER_AUTO ? NULL : api_sampler_names[best],
+                                   api_sampler_names[api_sampler_of(&plain, FACET_SAMPLER_AUTO)],
                                    api_samplers(i),
                                    has_facets ? all_of(api_masking_names) : 0,
                                    has_facets ? all_of(api_shear_names) : 0,
@@ -162,8 +169,10 @@ static bool cost_of(const struct surface *surface, facet_tier tier, facet_quanti
 static bool bound_of(const struct surface *surface, facet_tier tier, facet_quantity quantity,
                      double *bound)
 {
-    return surface->bsdf ? facet_bsdf_bound(surface->bsdf, tier, quantity, 0, bound)
-                         : facet_bound(surface->brdf, tier, quantity, 0, bound);
+    if (surface->bsdf) return facet_bsdf_bound(surface->bsdf, tier, quantity, 0, bound);
+    return quantity == FACET_PDF
+               ? facet_pdf_bound(surface->brdf, tier, FACET_SAMPLER_AUTO, 0, bound)
+               : facet_bound(surface->brdf, tier, quantity, 0, bound);
 }
 
 static bool list_quantities(struct call *call, const struct surface *surface, facet_tier tier,
@@ -199,7 +208,7 @@ static bool list_speeds(struct call *call, facet_tier tier, bool transmission, s
         struct surface surface;
         api_field_clear(api_material_fields, &material);
         material.ndf = analytic[i];
-        material.alpha = 0.3;
+        material.alpha = ALPHA;
         material.transmission = transmission;
         if (transmission)
             material.fresnel = (struct fresnel){.form = FRESNEL_BY_KEY, .dielectric = &glass};

@@ -17,7 +17,7 @@ struct eval_request {
 
 struct eval_response {
     struct text *of[FACET_QUANTITY_COUNT];
-    const char *sampler; /* NULL: no pdf, or of visible normals and not asked otherwise */
+    const char *sampler; /* NULL: no pdf */
     int64_t count;
     struct accuracy accuracy;
 };
@@ -52,8 +52,7 @@ static const struct field response_fields[] = {
 #include "quantities.def"
 #undef QUANTITY
     {MEMBER(struct eval_response, sampler), FIELD_TEXT,
-     .doc =
-         "the method that pdf belongs to, if both were asked for; else visible normals by their plain density"},
+     .doc = "the method that pdf belongs to, if it was asked for"},
     COUNT_FIELD(struct eval_response),
     ACCURACY_FIELD(struct eval_response),
     {0},
@@ -72,12 +71,10 @@ static bool handle(struct call *call)
         .flat = in->flat,
         .dtype = in->dtype,
     };
-    bool is_named = in->sampler != FACET_SAMPLER_AUTO;
-    if (is_named && !api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler))
+    if (!api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler) ||
+        !api_evaluate(call, &evaluation))
         return false;
-    if (!api_evaluate(call, &evaluation)) return false;
-    out->sampler = is_named && in->outputs >> FACET_PDF & 1 ? api_sampler_names[evaluation.sampler]
-                                                            : NULL;
+    out->sampler = in->outputs >> FACET_PDF & 1 ? api_sampler_names[evaluation.sampler] : NULL;
     memcpy(out->of, evaluation.of, sizeof out->of);
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;

@@ -381,6 +381,7 @@ static bool prepare(struct call *call, struct job *job)
         !check_lobe(in, call->problem) ||
         !api_material_open(&in->material, &material, &decoder, &job->surface))
         return false;
+    job->sampler = api_sampler_of(&job->surface, job->sampler);
     job->channels = api_channels(in->channels, job->surface.channels, call->problem);
     if (!job->channels || !check_solid_angle(job, call->problem)) return false;
     size_t numbers = (asked(job, WI) ? 3 : 0) + (asked(job, WEIGHT) ? job->channels : 0) +

@@ -3,6 +3,7 @@
 #include "diffuse.h"
 #include "lambert.h"
 #include "limits.h"
+#include "sampler.h"
 #include "transmission.h"
 
 #include <float.h>
@@ -200,6 +201,7 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         !api_material_open(evaluation->material, &material, &decoder, &job->surface) ||
         !api_lambert_check_outputs(evaluation->material, evaluation->outputs, call->problem))
         return false;
+    evaluation->sampler = api_sampler_of(&job->surface, evaluation->sampler);
     job->channels = api_channels(evaluation->channels, job->surface.channels, call->problem);
     if (!job->channels ||
         !api_numbers_fit(job->pairs.pairing.count, api_numbers_per_pair(job), call->problem))

@@ -30,7 +30,7 @@ struct evaluation {
     const struct pair_request *pairs;
     const struct tolerance_request *accuracy;
     uint32_t outputs;      /* a bit per facet_quantity */
-    facet_sampler sampler; /* whose pdf; AUTO, which eval has: that of visible normals */
+    facet_sampler sampler; /* whose pdf; AUTO becomes what it stands for */
     int64_t channels;      /* forced; -1: as the material has */
     bool flat;
     int dtype; /* index into api_dtype_names; -1: not given */

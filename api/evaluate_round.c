@@ -163,8 +163,7 @@ static void look_at_chunk(void *look_, size_t index)
 /* What a table over the azimuth does not tell from below (facet_table.h). */
 static bool needs_front(const struct job *job)
 {
-    const facet_sampler sampler = job->evaluation->sampler;
-    const bool visible = sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_TABLE;
+    const bool visible = job->evaluation->sampler == FACET_SAMPLER_TABLE;
     const uint32_t told = 1 << FACET_D_VIS | 1 << FACET_SIGMA_O | (visible ? 1 << FACET_PDF : 0);
     return api_material_is_turned(job->evaluation->material) && job->evaluation->outputs & told;
 }

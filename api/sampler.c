@@ -11,9 +11,12 @@ const char *const api_sampler_names[] = {
         NULL,
 };
 
-facet_sampler api_sampler_auto(int ndf)
+facet_sampler api_sampler_of(const struct surface *surface, facet_sampler sampler)
 {
-    return ndf == NDF_LAMBERT ? FACET_SAMPLER_COSINE : facet_sampler_auto((facet_ndf)ndf);
+    if (sampler != FACET_SAMPLER_AUTO) return sampler;
+    if (surface->is_lambert) return FACET_SAMPLER_COSINE;
+    return surface->bsdf ? facet_sampler_visible(surface->facet.ndf)
+                         : facet_sampler_auto(&surface->facet);
 }
 
 static bool serves(facet_sampler method, const struct material *material)
@@ -38,7 +41,6 @@ bool api_sampler(int sampler, const struct material *material, struct problem *p
 {
     struct place at = {NULL, "sampler", 0};
     *method = (facet_sampler)sampler;
-    if (sampler == FACET_SAMPLER_AUTO) *method = api_sampler_auto(material->ndf);
     if (sampler == FACET_SAMPLER_AUTO) return true;
     if (serves(*method, material)) {
         facet_status status = facet_sampler_prepare(*method, (facet_ndf)material->ndf);

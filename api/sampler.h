@@ -18,17 +18,17 @@ extern const char *const api_sampler_names[];
             "; visible normals: caps (ggx), bounded (ggx; caps without most of what "              \
             "falls below the horizon), slope (ggx, beckmann), table; vcavity (ggx, "               \
             "beckmann): those of V-cavities; ndf: all normals; cosine: of wi; auto: "              \
-            "caps for ggx, slope for beckmann, table for tabulated, cosine, the only "             \
-            "one, for lambert; with "                                                              \
-            "transmission auto, caps and slope"                                                    \
+            "bounded for ggx without a mean slope, of minor radius 0.1 or more, else "             \
+            "caps; vcavity for beckmann with masking vgroove, else slope; table for tabulated; "   \
+            "cosine, the only one, for lambert; with transmission caps and slope, auto too"        \
     }
 
 /* The methods that sample this ndf of a material, a bit each; AUTO is not among them. */
 uint32_t api_samplers(int ndf);
-/* What AUTO stands for; AUTO itself where there is nothing. */
-facet_sampler api_sampler_auto(int ndf);
+/* What AUTO stands for on a surface; others as they are. */
+facet_sampler api_sampler_of(const struct surface *surface, facet_sampler sampler);
 
-/* The method asked for, AUTO resolved and made ready; a 422 lists those of this material. */
+/* The method asked for, made ready, AUTO left to api_sampler_of; a 422 lists those of this material. */
 bool api_sampler(int sampler, const struct material *material, struct problem *problem,
                  facet_sampler *method);
 

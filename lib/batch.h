@@ -44,7 +44,7 @@ void facet_array_put(struct array array, size_t index, double value);
 struct batch {
     const facet_brdf *brdf;
     facet_tier tier;
-    facet_sampler sampler; /* whose density PDF and WEIGHT are; AUTO: that of visible normals */
+    facet_sampler sampler; /* whose density PDF and WEIGHT are; AUTO: visible normals' own */
     struct array wi[3], wo[3];
     struct array out[KERNEL_QUANTITY_COUNT][3];
 };

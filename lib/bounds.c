@@ -343,8 +343,7 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
     if (!facet_pdf_bound(b, tier, sampler, input_error, &pdf) ||
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))
         return false;
-    facet_sampler method = sampler == FACET_SAMPLER_AUTO ? facet_sampler_auto(b->material.ndf)
-                                                         : sampler;
+    facet_sampler method = sampler == FACET_SAMPLER_AUTO ? b->automatic : sampler;
     facet_brdf twin;
     if (method == FACET_SAMPLER_TABLE && b->material.ndf != FACET_TABULATED) {
         /* The weight is fr cos over the density of the table. */

@@ -194,6 +194,7 @@ facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
     set_caps(&b->surface, &m->roughness);
     b->shape = shape_of(&m->roughness);
     b->masking = masking_of(m, b->shape);
+    b->automatic = facet_sampler_auto(m);
     b->channels = m->fresnel.channels;
     b->floats_hold = floats_hold(&m->roughness) && !divides_by_sigmas(b->masking);
     copy_fresnel(b, &m->fresnel);

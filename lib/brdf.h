@@ -9,6 +9,7 @@ struct facet_brdf {
     struct kernel_surface surface;
     enum kernel_shape shape;
     enum kernel_masking masking;
+    facet_sampler automatic; /* what AUTO stands for */
     size_t channels;
     bool floats_hold; /* the float kernels' intermediate values stay in range */
     struct kernel_fresnel fresnel[3];

@@ -154,7 +154,8 @@ facet_tier facet_batch_tier(const facet_brdf *b, facet_tier tier)
 static void run_with_table(const struct batch *batch, size_t n)
 {
     struct batch rest = *batch;
-    facet_table_weigh(batch, n);
+    if (batch->out[KERNEL_PDF][0].data || batch->out[KERNEL_WEIGHT][0].data)
+        facet_table_weigh(batch, n);
     rest.sampler = FACET_SAMPLER_AUTO;
     for (int c = 0; c < 3; c++)
         rest.out[KERNEL_PDF][c].data = rest.out[KERNEL_WEIGHT][c].data = NULL;

@@ -210,8 +210,8 @@ bool facet_bound_float(const facet_brdf *brdf, facet_tier tier, facet_quantity q
 
 /* How directions are sampled: see facet_sample. */
 #define FACET_SAMPLER_MAP(X)                                                                       \
-    X(AUTO, "auto") /* CAPS for GGX, SLOPE for Beckmann, TABLE for tables: FACET_PDF is theirs */  \
-    X(CAPS, "caps") /* visible normals by spherical caps; GGX */                                   \
+    X(AUTO, "auto")       /* facet_sampler_auto's */                                               \
+    X(CAPS, "caps")       /* visible normals by spherical caps; GGX */                             \
     X(BOUNDED, "bounded") /* those caps, cut to what may rise above the horizon; GGX */            \
     X(SLOPE, "slope")     /* visible normals by inverting the CDF of slopes */                     \
     X(NDF, "ndf")         /* all normals, seen or not */                                           \
@@ -229,8 +229,14 @@ typedef enum facet_sampler {
 const char *facet_sampler_name(facet_sampler sampler);
 /* Whether this distribution can be sampled so; AUTO: whether it can be sampled at all. */
 bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf);
-/* What AUTO stands for; AUTO itself where there is nothing. */
-facet_sampler facet_sampler_auto(facet_ndf ndf);
+/* CAPS for GGX, SLOPE for Beckmann, TABLE for tables, AUTO for nothing: their density is FACET_PDF. */
+facet_sampler facet_sampler_visible(facet_ndf ndf);
+/*
+ * What AUTO stands for: what was measured to have the least variance times time over all wo (README, Samplers).
+ * BOUNDED for GGX without a mean slope whose minor radius is 0.1 or more, VCAVITY for Beckmann under VGROOVE,
+ * otherwise facet_sampler_visible's.
+ */
+facet_sampler facet_sampler_auto(const facet_material *material);
 /*
  * Makes what TABLE needs for GGX and Beckmann, once.  Else the first call does, and a bound asked for
  * before is none where memory ran out: NO_MEMORY here tells.

@@ -12,7 +12,7 @@ const char *facet_sampler_name(facet_sampler sampler)
     return (unsigned)sampler < FACET_SAMPLER_COUNT ? names[sampler] : NULL;
 }
 
-facet_sampler facet_sampler_auto(facet_ndf ndf)
+facet_sampler facet_sampler_visible(facet_ndf ndf)
 {
     switch (ndf) {
     case FACET_GGX: return FACET_SAMPLER_CAPS;
@@ -22,9 +22,23 @@ facet_sampler facet_sampler_auto(facet_ndf ndf)
     }
 }
 
+/* The minor radius below which bounded caps are cut by less than they cost. */
+#define LEAST_CUT 0.1
+
+facet_sampler facet_sampler_auto(const facet_material *material)
+{
+    const facet_roughness *r = &material->roughness;
+    bool leans = r->slope_x != 0 || r->slope_y != 0;
+    if (material->ndf == FACET_GGX && !leans && facet_roughness_to_ellipse(r).alpha_2 >= LEAST_CUT)
+        return FACET_SAMPLER_BOUNDED;
+    if (material->ndf == FACET_BECKMANN && material->masking == FACET_VGROOVE)
+        return FACET_SAMPLER_VCAVITY;
+    return facet_sampler_visible(material->ndf);
+}
+
 bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
 {
-    if (facet_sampler_auto(ndf) == FACET_SAMPLER_AUTO) return false;
+    if ((unsigned)ndf >= FACET_NDF_COUNT) return false;
     switch (sampler) {
     case FACET_SAMPLER_CAPS:
     case FACET_SAMPLER_BOUNDED: return ndf == FACET_GGX;
@@ -37,7 +51,7 @@ bool facet_sampler_serves(facet_sampler sampler, facet_ndf ndf)
 /* The method that really runs. */
 static facet_sampler method_of(const facet_brdf *b, facet_sampler sampler)
 {
-    if (sampler == FACET_SAMPLER_AUTO) return facet_sampler_auto(b->material.ndf);
+    if (sampler == FACET_SAMPLER_AUTO) return b->automatic;
     return sampler == FACET_SAMPLER_BOUNDED && b->shape == KERNEL_SHEARED ? FACET_SAMPLER_CAPS
                                                                           : sampler;
 }
@@ -45,7 +59,6 @@ static facet_sampler method_of(const facet_brdf *b, facet_sampler sampler)
 facet_status facet_batch_sampler(const facet_brdf *b, facet_sampler sampler, facet_sampler *density)
 {
     *density = FACET_SAMPLER_AUTO;
-    if (sampler == FACET_SAMPLER_AUTO) return FACET_OK;
     if (!facet_sampler_serves(sampler, b->material.ndf)) return FACET_UNSUPPORTED;
     facet_sampler method = method_of(b, sampler);
     bool own_table = method == FACET_SAMPLER_TABLE && b->material.ndf == FACET_TABULATED;

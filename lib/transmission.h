@@ -22,6 +22,12 @@ static inline int facet_side(double z)
     return z < 0 ? BELOW : ABOVE;
 }
 
+/* Of both lobes AUTO is by the visible normals, whose density theirs is made of. */
+static inline facet_sampler facet_bsdf_method(const facet_bsdf *b, facet_sampler sampler)
+{
+    return sampler == FACET_SAMPLER_AUTO ? facet_sampler_visible(b->ndf) : sampler;
+}
+
 enum { TRANSMISSION_BLOCK = 256 };
 
 /* A batch of this surface without directions and outputs. */

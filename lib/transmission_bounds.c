@@ -157,7 +157,7 @@ bool facet_bsdf_sample_bound(const facet_bsdf *b, facet_tier tier, facet_sampler
     if (!facet_bsdf_sampler_serves(sampler, b->ndf) ||
         !facet_bsdf_bound(b, tier, FACET_PDF, input_error, &pdf) ||
         !facet_bsdf_bound(b, tier, FACET_FR_COS, input_error, &weight) ||
-        !facet_sample_bound(b->ideal, tier, sampler, input_error, &normal))
+        !facet_sample_bound(b->ideal, tier, facet_bsdf_method(b, sampler), input_error, &normal))
         return false;
     double n = b->side[ABOVE].index, least = fmin(n, b->side[BELOW].index), cosine = 2 * normal;
     /* g^2 = n^2 - 1 + c^2 is right to 2 c times the error of c, g >= c toward the dense side. */

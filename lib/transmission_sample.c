@@ -31,8 +31,8 @@ static facet_status draw(const facet_bsdf *b, facet_tier tier, facet_sampler sam
     }
     const facet_samples samples = {
         .wi = {d->wi[0], d->wi[1], d->wi[2]}, .h = {d->h[0], d->h[1], d->h[2]}, .pdf = d->density};
-    return facet_sample(b->ideal, tier, sampler, (facet_vec3_in){up[0], up[1], up[2]}, u1, u2, n,
-                        &samples);
+    return facet_sample(b->ideal, tier, facet_bsdf_method(b, sampler),
+                        (facet_vec3_in){up[0], up[1], up[2]}, u1, u2, n, &samples);
 }
 
 /*

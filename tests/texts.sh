@@ -26,6 +26,9 @@ promises() {
         /^ALL_QUANTITIES\([A-Z]/ { for (i = 2; i <= 8; i++) gsub(/ /, "", $i)
             split("fr, fr_cos|pdf, D_vis|D|G, G1_i, G1_o|sigma_o", name, "|")
             for (q = 1; q <= 5; q++) { key = tolower($3) " " name[q]; bound[key, $2] = $(q + 3); if (!(key in seen)) { seen[key]; order[++n] = key } } }
+        /^SAMPLER\([A-Z]/ { for (i = 2; i <= 4; i++) gsub(/ /, "", $i)
+            if ($3 == "BOUNDED") { key = "bounded, added to ggx pdf"
+                bound[key, $2] = $4; if (!(key in seen)) { seen[key]; order[++n] = key } } }
         /^FRESNEL\([A-Z]/ { for (i = 2; i <= 5; i++) gsub(/ /, "", $i)
             if ($3 != "IDEAL") { key = "F " tolower($3) " (and what it adds to fr)"
                 bound[key, $2] = $4 == $5 ? $4 : $4 " (" $5 ")"; if (!(key in seen)) { seen[key]; order[++n] = key } } }

@@ -102,7 +102,41 @@ def fresnel(f, cd):
     raise ValueError(kind)
 
 
-def evaluate(m, wi, wo):
+def minor_radius(r):
+    ax, ay, rho = r[:3]
+    half, off = (ax**2 - ay**2) / 2, rho * ax * ay
+    return sqrt((ax**2 + ay**2) / 2 - sqrt(half**2 + off**2))
+
+
+def sampler_of(m):
+    """What auto stands for (README, Samplers)."""
+    r = roughness(m)
+    if m.get('ndf', 'ggx') == 'ggx':
+        return 'bounded' if r[3] == r[4] == 0 and minor_radius(r) >= 0.1 else 'caps'
+    return 'vcavity' if m.get('masking') == 'vgroove' else 'slope'
+
+
+def density_of(m, sampler, wo, H, D, so, co):
+    """That of the directions it draws above the horizon, seen from above (lib/NOTATION.md, Samplers)."""
+    r = roughness(m)
+    if sampler == 'auto':
+        sampler = sampler_of(m)
+    if sampler in ('caps', 'slope'):
+        return D / (4 * so)
+    if sampler == 'vcavity':
+        return D * min(1 / (4 * co), H[2] / length(H) ** 2)
+    if sampler != 'bounded' or wo[2] <= 0:
+        raise ValueError(sampler + ': written by hand')
+    a, side = minor_radius(r), sqrt(wo[0]**2 + wo[1]**2)
+    if a > 1 and r[0] == r[1] and r[2] == 0:
+        q = 1 - side
+    else:
+        a, q = min(a, mpf(1)), 1 + side
+    share = (1 - a**2) * q**2 / (q**2 + a**2 * wo[2]**2)  # Eto & Tokuyoshi's K
+    return D / (2 * (2 * so - (1 - share) * co))  # r = 2 sigma - c
+
+
+def evaluate(m, wi, wo, sampler='auto'):
     """Every quantity of one pair, from the definitions (lib/NOTATION.md)."""
     ndf, r = m.get('ndf', 'ggx'), None
     if m.get('transmission'):
@@ -122,7 +156,7 @@ def evaluate(m, wi, wo):
     F = fresnel(m.get('fresnel', 'ideal'), cd)
     if shear == 'thesis':
         ci, co = zi, zo
-    out = {'D': D, 'pdf': D / (4 * so), 'F': F, 'sigma_o': so}
+    out = {'D': D, 'pdf': density_of(m, sampler, wo, H, D, so, co), 'F': F, 'sigma_o': so}
     mk = [min(mpf(1), 4 * H[2] * c / length(H) ** 2) for c in (ci, co)]
     out['D_vis'] = cd * D / so
     out['G1_i'], out['G1_o'] = zi / si, zo / so
@@ -232,7 +266,7 @@ def sample_caps(m, wo, u):
     h = [a / n for a in h]
     d = 2 * sum(a * b for a, b in zip(wo, h))
     wi = [d * a - b for a, b in zip(h, wo)]
-    e = evaluate(m, wi, wo)
+    e = evaluate(m, wi, wo, 'caps')
     weight = [f / e['pdf'] for f in e['fr_cos']]
     return {'wi': wi, 'h': h, 'weight': weight, 'pdf': e['pdf']}
 
@@ -297,7 +331,7 @@ def expected(path, request):
                 'h': [[float(x) for x in v] for v in out['h']],
                 'weight': shape(out['weight'], request.get('channels')),
                 'pdf': shape(out['pdf'], 1)}
-    rows = [evaluate(m, i, o) for i, o in pairs(request)]
+    rows = [evaluate(m, i, o, request.get('sampler', 'auto')) for i, o in pairs(request)]
     coloured = any(len(r[k]) > 1 for r in rows for k in ('fr', 'F') if k in r)
     channels = request.get('channels', 3 if coloured else 1)
     return {k: shape([r[k] for r in rows], channels if isinstance(rows[0][k], list) else 1)

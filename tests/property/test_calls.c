@@ -148,3 +148,56 @@ TEST(a_pdf_beside_fr_is_the_pdf_alone)
         facet_brdf_destroy(brdf);
     }
 }
+
+/* AUTO is the sampler that it stands for, in every call. */
+TEST(auto_is_what_it_stands_for)
+{
+    static const struct {
+        facet_material m;
+        facet_sampler sampler;
+    } cases[] = {
+        {{.ndf = FACET_GGX, .roughness = {.alpha_x = 0.1, .alpha_y = 0.1}}, FACET_SAMPLER_BOUNDED},
+        {{.ndf = FACET_GGX, .roughness = {.alpha_x = 0.09, .alpha_y = 0.5}}, FACET_SAMPLER_CAPS},
+        {{.ndf = FACET_GGX, .roughness = {.alpha_x = 1, .alpha_y = 1, .slope_y = 0.1}},
+         FACET_SAMPLER_CAPS},
+        {{.ndf = FACET_BECKMANN, .roughness = {.alpha_x = 0.4, .alpha_y = 0.4}},
+         FACET_SAMPLER_SLOPE},
+        {{.ndf = FACET_BECKMANN,
+          .roughness = {.alpha_x = 0.4, .alpha_y = 0.4},
+          .masking = FACET_VGROOVE},
+         FACET_SAMPLER_VCAVITY},
+    };
+    static float o[3][N], u[2][N], wi[2][3][N], weight[2][N], pdf[4][N];
+    struct rng rng;
+    rng_seed(&rng, 94);
+    draw_wo(&rng, o);
+    const facet_vec3_in_float wo = {o[0], o[1], o[2]};
+    for (int k = 0; k < N; k++) u[0][k] = (float)k / N, u[1][k] = (float)(N - k) / (2 * N);
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        facet_material m = cases[c].m;
+        m.fresnel.channels = 1;
+        CHECK_INT(facet_sampler_auto(&m), cases[c].sampler);
+        facet_brdf *brdf = NULL;
+        CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+        double bound[2][2];
+        for (int j = 0; brdf && j < 2; j++) {
+            facet_sampler sampler = j ? cases[c].sampler : FACET_SAMPLER_AUTO;
+            const facet_samples_float out = {
+                .wi = {wi[j][0], wi[j][1], wi[j][2]}, .weight = {weight[j]}, .pdf = pdf[j]};
+            CHECK_INT(facet_sample_float(brdf, FACET_FAST, sampler, wo, u[0], u[1], N, &out),
+                      FACET_OK);
+            CHECK_INT(facet_pdf_float(brdf, FACET_FAST, sampler,
+                                      (facet_vec3_in_float){wi[0][0], wi[0][1], wi[0][2]}, wo, N,
+                                      pdf[2 + j]),
+                      FACET_OK);
+            CHECK(facet_pdf_bound(brdf, FACET_FAST, sampler, 0, &bound[j][0]));
+            CHECK(facet_sample_bound(brdf, FACET_FAST, sampler, 0, &bound[j][1]));
+        }
+        for (int k = 0; brdf && k < N; k++) {
+            CHECK(wi[0][2][k] == wi[1][2][k] && weight[0][k] == weight[1][k]);
+            CHECK(pdf[0][k] == pdf[1][k] && pdf[2][k] == pdf[3][k]);
+        }
+        CHECK(bound[0][0] == bound[1][0] && bound[0][1] == bound[1][1]);
+        facet_brdf_destroy(brdf);
+    }
+}

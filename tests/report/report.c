@@ -5,6 +5,7 @@
  * Numbers are deterministic but for the times.
  */
 #include "facet_albedo.h"
+#include "kernels_report.h"
 #include "samplers.h"
 
 #include <math.h>
@@ -12,7 +13,6 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #define PI 3.14159265358979323846
 #define DEGREES (180 / PI)
@@ -183,13 +183,6 @@ struct statistics {
     double wasted, mean, variance, ns; /* variance relative to the exact albedo squared */
 };
 
-static double now_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec * 1e9 + (double)t.tv_nsec;
-}
-
 /* Nanoseconds of a sample with reflection and weight: the best of some runs. */
 static double time_of(const struct surface *s, const struct method *m, const double o[3])
 {
@@ -200,13 +193,13 @@ static double time_of(const struct surface *s, const struct method *m, const dou
     volatile double sink = 0;
     for (int i = 0; i < 2 * SAMPLES; i++) u[i] = uniform(&state);
     for (int run = 0; run < RUNS; run++) {
-        double start = now_ns();
+        double start = report_now_ns();
         for (int i = 0; i < SAMPLES; i++) {
             struct sample sample;
             m->sample(s, o, u[2 * i], u[2 * i + 1], &sample);
             sink += sample.weight;
         }
-        best = fmin(best, (now_ns() - start) / SAMPLES);
+        best = fmin(best, (report_now_ns() - start) / SAMPLES);
     }
     return best;
 }
@@ -231,8 +224,6 @@ static struct statistics measure(const struct surface *s, const struct method *m
     of.ns = time_of(s, m, o);
     return of;
 }
-
-static const double waste_theta[] = {0, 60, 85.94, 89}; /* degrees */
 
 /* NUMERICS.md of the project's notes, %: visible, bounded, ndf for GGX. */
 static const double noted[ALPHAS][4][3] = {
@@ -265,10 +256,10 @@ static void write_waste(FILE *md)
         for (int t = 0; t < 4; t++) {
             static const int order[] = {CAPS, BOUNDED, NDF};
             struct surface s = surface_of(0, 0, alphas[a]);
-            fprintf(md, "| %g | %g |", alphas[a], waste_theta[t]);
+            fprintf(md, "| %g | %g |", alphas[a], report_theta[t]);
             for (int k = 0; k < 3; k++) {
                 struct statistics of;
-                row(csv, &s, &methods[order[k]], waste_theta[t], &of);
+                row(csv, &s, &methods[order[k]], report_theta[t], &of);
                 fprintf(md, " %.3g (%g) |", 100 * of.wasted, noted[a][t][k]);
                 bool is_slip = a == 0 && t == 0 && k == 0;
                 /* In units of the last digit noted, for the notes are rounded. */
@@ -328,11 +319,11 @@ static void write_efficiency(FILE *md)
                     if ((m->ndf >= 0 && m->ndf != ndf) || m->masking == V_CAVITY) continue;
                     struct surface s = surface_of(ndf, 0, alphas[a]);
                     struct statistics of;
-                    row(csv, &s, m, waste_theta[t], &of);
+                    row(csv, &s, m, report_theta[t], &of);
                     double efficiency = 1 / (of.variance * of.ns);
                     if (k == NDF) base = efficiency;
                     fprintf(md, "| %s | %g | %g | %s | %.3g | %.4g | %.0f | %.3g |\n",
-                            ndf ? "Beckmann" : "GGX", alphas[a], waste_theta[t], m->name,
+                            ndf ? "Beckmann" : "GGX", alphas[a], report_theta[t], m->name,
                             100 * of.wasted, of.variance, of.ns,
                             of.variance > 0 ? efficiency / base : 1);
                 }
@@ -340,140 +331,7 @@ static void write_efficiency(FILE *md)
     fclose(csv);
 }
 
-/* ---- 4: the same with the service's kernels, and what the papers say --------------------------- */
-
-static const struct lib_row {
-    const char *name;
-    facet_ndf ndf;
-    facet_masking masking;
-    facet_sampler plain, other;
-    int plain_method, other_method;
-} lib_rows[] = {
-    {"GGX, Smith", FACET_GGX, FACET_SMITH, FACET_SAMPLER_CAPS, FACET_SAMPLER_BOUNDED, CAPS,
-     BOUNDED},
-    {"GGX, V-cavity", FACET_GGX, FACET_VGROOVE, FACET_SAMPLER_CAPS, FACET_SAMPLER_VCAVITY, CAPS,
-     VCAVITY_METHOD},
-    {"Beckmann, V-cavity", FACET_BECKMANN, FACET_VGROOVE, FACET_SAMPLER_SLOPE,
-     FACET_SAMPLER_VCAVITY, SLOPE_BECKMANN, VCAVITY_METHOD},
-};
-
-/* Relative variance of the weights of the library's sampler, and its nanoseconds on floats. */
-static double library_variance(const facet_material *m, facet_sampler method, const double o[3],
-                               double exact, double *ns)
-{
-    enum { N = 4096, ROUNDS = 24 };
-    static float wo[3][N], u[2][N], wi[3][N], weight[N];
-    facet_brdf *brdf = NULL;
-    uint64_t state = 11;
-    double sum = 0;
-    *ns = INFINITY;
-    if (facet_brdf_create(m, &brdf)) return NAN;
-    for (int k = 0; k < N; k++)
-        for (int j = 0; j < 3; j++) wo[j][k] = (float)o[j];
-    for (int round = 0; round < ROUNDS; round++) {
-        for (int k = 0; k < N; k++) {
-            u[0][k] = fminf((float)uniform(&state), 0x1.fffffep-1f);
-            u[1][k] = fminf((float)uniform(&state), 0x1.fffffep-1f);
-        }
-        facet_samples_float out = {.wi = {wi[0], wi[1], wi[2]}, .weight = {weight, NULL, NULL}};
-        double start = now_ns();
-        facet_sample_float(brdf, FACET_FAST, method, (facet_vec3_in_float){wo[0], wo[1], wo[2]},
-                           u[0], u[1], N, &out);
-        *ns = fmin(*ns, (now_ns() - start) / N);
-        for (int k = 0; k < N; k++) sum += pow(weight[k] / exact - 1, 2);
-    }
-    facet_brdf_destroy(brdf);
-    return sum / N / ROUNDS;
-}
-
-static void write_library(FILE *md)
-{
-    static const double some[] = {0.01, 0.1, 0.4, 1, 2};
-    int rows = 0, better = 0, above = 0;
-    fprintf(
-        md,
-        "\n## Which sampler: the service's own kernels\n\nFloat, %s, sample and weight. Efficiency is 1/(variance x time) of the "
-        "second method over that of the first, which is what `auto` stands for.\n\n"
-        "| model | alpha | theta | methods | variance | | ns | | efficiency |\n|---|---|---|---|---|---|---|---|---|\n",
-        facet_isa());
-    for (size_t k = 0; k < sizeof lib_rows / sizeof *lib_rows; k++)
-        for (int a = 0; a < 5; a++)
-            for (int t = 0; t < 4; t++) {
-                const struct lib_row *r = &lib_rows[k];
-                struct surface s = surface_of(r->ndf == FACET_BECKMANN, r->masking == FACET_VGROOVE,
-                                              some[a]);
-                facet_material m = {.ndf = r->ndf,
-                                    .masking = r->masking,
-                                    .fresnel = {.channels = 1},
-                                    .roughness = {.alpha_x = some[a], .alpha_y = some[a]}};
-                double o[3], ns[2], variance[2];
-                direction(waste_theta[t] / DEGREES, o);
-                double exact = exact_albedo(&s, o);
-                variance[0] = library_variance(&m, r->plain, o, exact, &ns[0]);
-                variance[1] = library_variance(&m, r->other, o, exact, &ns[1]);
-                if (variance[1] < 1e-9) continue; /* the rounding of floats */
-                double gain = variance[0] * ns[0] / (variance[1] * ns[1]);
-                rows++, better += gain > 1, above += k == 0 && variance[1] > variance[0];
-                fprintf(md, "| %s | %g | %g | %s, %s | %.3g | %.3g | %.2f | %.2f | %.3g |\n",
-                        r->name, some[a], waste_theta[t], facet_sampler_name(r->plain),
-                        facet_sampler_name(r->other), variance[0], variance[1], ns[0], ns[1], gain);
-            }
-    fprintf(
-        md,
-        "\nThe second is worth more in %d rows of %d; bounded has a variance above that of caps in %d.\n",
-        better, rows, above);
-}
-
-/* Nanoseconds of fr and the sampler's pdf of a pair, floats, over the whole hemisphere. */
-static double time_of_pdf(const facet_brdf *brdf, facet_tier tier, facet_sampler method)
-{
-    enum { N = 4096, ROUNDS = 400 };
-    static float d[6][N], fr[N], pdf[N];
-    const facet_outputs_float out = {.of = {[FACET_FR] = {fr}, [FACET_PDF] = {pdf}}};
-    const facet_vec3_in_float wi = {d[0], d[1], d[2]}, wo = {d[3], d[4], d[5]};
-    uint64_t state = 13;
-    double best = INFINITY;
-    for (int k = 0; k < 2 * N; k++) {
-        double z = uniform(&state), phi = 2 * PI * uniform(&state), s = sqrt((1 - z) * (1 + z));
-        float(*v)[N] = d + (k < N ? 0 : 3);
-        v[0][k % N] = (float)(s * cos(phi)), v[1][k % N] = (float)(s * sin(phi)),
-                 v[2][k % N] = (float)z;
-    }
-    for (int round = 0; round < ROUNDS; round++) {
-        double start = now_ns();
-        facet_eval_sampled_float(brdf, tier, method, wi, wo, N, &out);
-        best = fmin(best, (now_ns() - start) / N);
-    }
-    return best;
-}
-
-/* What whoever mixes samples of f with samples of lights pays for the better sampler. */
-static void write_price(FILE *md)
-{
-    fprintf(
-        md,
-        "\n### What the density of the better sampler costs\n\nGGX, Smith, alpha 0.3: fr and pdf of a pair, ns; in brackets the bound "
-        "of the pdf. Either "
-        "shares a loop with fr, and in fast it meets the default tolerance of 1e-6.\n\n| tier | caps (`auto`) | bounded | |\n|---|---|---|---|\n");
-    facet_material m = {.ndf = FACET_GGX,
-                        .fresnel = {.channels = 1},
-                        .roughness = {.alpha_x = 0.3, .alpha_y = 0.3}};
-    facet_brdf *brdf = NULL;
-    if (facet_brdf_create(&m, &brdf)) return;
-    for (int t = FACET_DRAFT; t <= FACET_EXACT32; t++) {
-        double ns[2], bound[2];
-        for (int k = 0; k < 2; k++) {
-            facet_sampler method = k ? FACET_SAMPLER_BOUNDED : FACET_SAMPLER_AUTO;
-            ns[k] = time_of_pdf(brdf, (facet_tier)t, method);
-            facet_pdf_bound_float(brdf, (facet_tier)t, method, 0, &bound[k]);
-        }
-        fprintf(md, "| %s | %.2f (%.2g) | %.2f (%.2g) | %.1f× |\n", facet_tier_name((facet_tier)t),
-                ns[0], bound[0], ns[1], bound[1], ns[1] / ns[0]);
-    }
-    facet_brdf_destroy(brdf);
-}
-
-/* ---- 5: are the samples below the horizon real? --------------------------------------------- */
+/* ---- 4: are the samples below the horizon real? --------------------------------------------- */
 
 static void write_horizon(FILE *md)
 {
@@ -531,8 +389,7 @@ int main(int argc, char **argv)
     write_furnace(md);
     write_waste(md);
     write_efficiency(md);
-    write_library(md);
-    write_price(md);
+    report_kernels(md);
     write_horizon(md);
     fprintf(md, "\n## Pictures\n\n");
     static const char *const pictures[] = {"furnace-smith-beckmann",

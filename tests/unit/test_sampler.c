@@ -14,7 +14,8 @@ static const double pi = 3.14159265358979323846;
 
 TEST(pdf_is_the_density_of_eval)
 {
-    struct answer pdf = ask_post("/v1/pdf", "{" GGX "," PAIR ",\"tolerance\":1e-10}");
+    struct answer pdf = ask_post("/v1/pdf",
+                                 "{" GGX "," PAIR ",\"sampler\":\"caps\",\"tolerance\":1e-10}");
     CHECK_REL(answer_number(&pdf, "pdf", 0), 1 / (pi * 0.09) / (4 * 0.81), 1e-10, 0);
     CHECK_STR(answer_text(&pdf, "sampler"), "caps");
     answer_clear(&pdf);
@@ -45,11 +46,9 @@ TEST(eval_has_the_pdf_of_the_sampler_named)
         answer_clear(&pdf);
         answer_clear(&eval);
     }
-    struct answer plain = ask_post("/v1/eval", "{" GGX "," PAIR ",\"outputs\":[\"pdf\"]}");
-    CHECK(!json_object_get(plain.json, "sampler"));
-    answer_clear(&plain);
-    plain = ask_post("/v1/eval", "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR
-                                 ",\"sampler\":\"caps\"}");
+    struct answer plain = ask_post("/v1/eval",
+                                   "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR
+                                   ",\"sampler\":\"caps\"}");
     CHECK_INT(plain.response.status, 422);
     CHECK_STR(answer_error(&plain, "pointer"), "/sampler");
     answer_clear(&plain);
@@ -57,6 +56,55 @@ TEST(eval_has_the_pdf_of_the_sampler_named)
     CHECK_INT(plain.response.status, 200);
     CHECK(!json_object_get(plain.json, "sampler")); /* nothing there depends on it */
     answer_clear(&plain);
+}
+
+/* What auto stands for, by the material alone: one method and one density wherever it is asked. */
+TEST(auto_is_one_method)
+{
+    static const struct {
+        const char *material, *sampler;
+    } cases[] = {
+        {"\"ndf\":\"ggx\",\"alpha\":0.1", "bounded"},
+        {"\"ndf\":\"ggx\",\"alpha\":0.0999", "caps"},
+        {"\"ndf\":\"ggx\",\"alpha\":3", "bounded"},
+        {"\"ndf\":\"ggx\",\"alpha_1\":0.5,\"alpha_2\":0.101,\"phi\":1", "bounded"},
+        {"\"ndf\":\"ggx\",\"alpha_1\":0.5,\"alpha_2\":0.099,\"phi\":1", "caps"},
+        {"\"ndf\":\"ggx\",\"alpha\":0.3,\"mean_slope\":[0.1,0]", "caps"},
+        {"\"ndf\":\"ggx\",\"alpha\":0.3,\"masking\":\"vgroove\"", "bounded"},
+        {"\"ndf\":\"ggx\",\"alpha\":0.3,\"diffuse\":0.5", "bounded"},
+        {"\"ndf\":\"ggx\",\"alpha\":0.3,\"transmission\":true,\"fresnel\":{\"dielectric\":{\"eta\":1.5}}",
+         "caps"},
+        {"\"ndf\":\"beckmann\",\"alpha\":0.3", "slope"},
+        {"\"ndf\":\"beckmann\",\"alpha\":0.3,\"masking\":\"vgroove\",\"mean_slope\":[0.1,0]",
+         "vcavity"},
+        {"\"ndf\":\"lambert\",\"reflectance\":0.5", "cosine"},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char body[400];
+        snprintf(body, sizeof body,
+                 "{\"material\":{%s},\"wo\":[[-0.6,0,0.8]],\"n\":1,\"seed\":3,\"tolerance\":1e-9}",
+                 cases[k].material);
+        struct answer sample = ask_post("/v1/sample", body);
+        CHECK_INT(sample.response.status, 200);
+        CHECK_STR(answer_text(&sample, "sampler"), cases[k].sampler);
+        char wi[100];
+        snprintf(wi, sizeof wi, "[[%.17g,%.17g,%.17g]]", answer_component(&sample, "wi", 0, 0),
+                 answer_component(&sample, "wi", 0, 1), answer_component(&sample, "wi", 0, 2));
+        snprintf(body, sizeof body,
+                 "{\"material\":{%s},\"wo\":[[-0.6,0,0.8]],\"wi\":%s,\"tolerance\":1e-9}",
+                 cases[k].material, wi);
+        struct answer pdf = ask_post("/v1/pdf", body);
+        CHECK_STR(answer_text(&pdf, "sampler"), cases[k].sampler);
+        snprintf(body, sizeof body,
+                 "{\"material\":{%s},\"wo\":[[-0.6,0,0.8]],\"wi\":%s,\"tolerance\":1e-9,"
+                 "\"outputs\":[\"fr\",\"pdf\"]}",
+                 cases[k].material, wi);
+        struct answer eval = ask_post("/v1/eval", body);
+        CHECK_STR(answer_text(&eval, "sampler"), cases[k].sampler);
+        CHECK_REL(answer_number(&eval, "pdf", 0), answer_number(&pdf, "pdf", 0), 3e-9, 0);
+        CHECK_REL(answer_number(&sample, "pdf", 0), answer_number(&pdf, "pdf", 0), 1e-6, 0);
+        answer_clear(&sample), answer_clear(&pdf), answer_clear(&eval);
+    }
 }
 
 /* The same request is no good to one endpoint and an answer of another method by the other. */

@@ -93,14 +93,16 @@ static int ascending(const void *a, const void *b)
 
 enum { N = 4096 };
 
+/* Visible normals by their plain density. */
 static struct answer ask_samples(const char *ndf, double alpha, double theta, const char *more)
 {
+    const char *sampler = strcmp(ndf, "ggx") ? "slope" : "caps";
     char body[500];
     snprintf(
         body, sizeof body,
         "{\"material\":{\"ndf\":\"%s\",\"alpha\":%g},\"wo\":{\"theta\":[%.17g],\"phi\":[0]},\"n\":%d,"
-        "\"sequence\":\"sobol\",\"solid_angle\":true,\"tolerance\":1e-7%s}",
-        ndf, alpha, theta, N, more);
+        "\"sequence\":\"sobol\",\"solid_angle\":true,\"tolerance\":1e-7,\"sampler\":\"%s\"%s}",
+        ndf, alpha, theta, N, sampler, more);
     struct answer a = ask_post("/v1/sample", body);
     CHECK_INT(a.response.status, 200);
     CHECK_INT(answer_count(&a, "solid_angle"), N);
