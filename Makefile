@@ -330,6 +330,12 @@ $(BENCH_SAMPLERS): $(addprefix $(B)/tests/,bench/samplers.o report/samplers.o su
 bench-samplers: $(BENCH_SAMPLERS) ## nanoseconds of a sample, each method against its own scalar double form: asked and measured
 	@$<
 
+BENCH_TABLES := $(B)/tests/bench/tables
+$(BENCH_TABLES): $(addprefix $(B)/tests/,bench/tables.o support/draw.o support/rng.o) $(B)/libfacet.a
+	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
+bench-tables: $(BENCH_TABLES) ## nanoseconds and error of tabulated materials in every tier and instruction set
+	@$<
+
 BENCH_TRANSMISSION := $(B)/tests/bench/transmission
 $(BENCH_TRANSMISSION): $(addprefix $(B)/tests/,bench/transmission.o support/textbook.o support/normals.o support/rng.o) $(B)/libfacet.a
 	$(CC) $(VFLAGS) $(LDFLAGS) -o $@ $^ -lm
@@ -379,6 +385,6 @@ deps-check: $(B)/facetd
 	done; echo "ok packages run rows"
 
 clean: ; rm -rf build
-.PHONY: all bench soak report openapi clients check check-layers check-format clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers bench-transmission chi2 test-page bench-million bench-fit
+.PHONY: all bench bench-tables soak report openapi clients check check-layers check-format clean run test demo container install help deps deps-check schemathesis fuzz fuzz-short fuzz-all fuzz-runs extras bench-wire check-numbers fuzz-map report-leadr bench-leadr fuzz-measurements fit-table test-extras torture bench-http bench-latency soak-http bench-samplers bench-transmission chi2 test-page bench-million bench-fit
 .SECONDARY:
 -include $(shell find $(B) build/release/lib/kernel -name '*.d' 2>/dev/null)

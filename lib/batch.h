@@ -59,6 +59,9 @@ facet_status facet_batch_sampler(const facet_brdf *brdf, facet_sampler sampler,
 /* Evaluates n elements (eval.c). */
 void facet_batch_run(const struct batch *batch, size_t n);
 
+/* The tier whose loops serve a material: to look up in draft's precision would be no faster than in fast's. */
+facet_tier facet_served_tier(const facet_brdf *brdf, facet_tier tier);
+
 /* The tier that really runs: floats do not hold everything. */
 facet_tier facet_batch_tier(const facet_brdf *brdf, facet_tier tier);
 

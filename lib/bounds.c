@@ -112,20 +112,14 @@ static double input_condition(const facet_brdf *b)
     return 4 * (1 + lean) * (1 + 1 / e.alpha_2);
 }
 
-static bool is_turned(const facet_brdf *b)
-{
-    return b->material.ndf == FACET_TABULATED &&
-           facet_slope_table_is_turned(&b->material.table->view);
-}
-
 /*
- * d log D / d log slope, for errors in both of wi and wo: 2 x 4 for GGX and for
- * what is tabulated radially; over the azimuth it is measured.  Beckmann's exponent t has
+ * d log D / d log slope, for errors in both of wi and wo: 2 x 4 for GGX; of tables
+ * it is measured.  Beckmann's exponent t has
  * 2 x 2 sqrt(t), t <= 150 wherever the result passes FACET_FLOOR.
  */
 static double slope_gain(const facet_brdf *b)
 {
-    if (is_turned(b)) return 2 * fmax(4, b->material.table->turned_gain);
+    if (b->material.ndf == FACET_TABULATED) return 2 * fmax(4, b->material.table->gain);
     return b->material.ndf == FACET_BECKMANN ? 50 : 8;
 }
 
@@ -197,22 +191,48 @@ static bool float_domain(const facet_brdf *b, facet_quantity quantity)
     return b->floats_hold;
 }
 
+/* Of the roots and quotients of a tier. */
+static double arithmetic_of(facet_tier tier)
+{
+    static const double rounding[FACET_TIER_COUNT] = {0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53};
+    return rounding[tier];
+}
+
+static bool may_be_behind(const facet_brdf *b, facet_quantity quantity)
+{
+    return b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS ||
+           quantity == FACET_SIGMA_O;
+}
+
+/*
+ * What rounding makes of a table's logarithms: of u, of the azimuth, and in floats of the coefficients
+ * and their sums as well.
+ */
+static double table_rounding(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
+{
+    const facet_slope_table *table = b->material.table;
+    if (tier >= FACET_EXACT32) return 16 * arithmetic_of(tier) * table->gain;
+    double q = 6 * table->q.gain + 3 * table->q.size,
+           psi = 6 * table->psi.gain + 3 * table->psi.size,
+           behind = 6 * table->behind.gain + 3 * table->behind.size;
+    if (quantity == FACET_D) return FLOAT_ROUNDING * q;
+    if (may_be_behind(b, quantity)) psi = fmax(psi, behind);
+    return FLOAT_ROUNDING * (q + 2 * psi);
+}
+
 /*
  * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest.
  * Behind the mean facet sigma is all excess, and right to psi_error; over the azimuth it is not told there,
  * and its error is measured between all of its nodes.
  */
-static double table_error(const facet_brdf *b, facet_quantity quantity)
+static double table_error(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
 {
     if (b->material.ndf != FACET_TABULATED) return 0;
     const facet_slope_table *table = b->material.table;
-    if (is_turned(b)) /* rounding of u and the azimuth, where it is steep */
-        return 16 * DOUBLE_ROUNDING * table->turned_gain +
-               (quantity == FACET_D ? 0 : 3 * table->sigma_error);
-    if (quantity == FACET_D) return 0;
-    bool behind = b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS ||
-                  quantity == FACET_SIGMA_O;
-    return fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
+    double rounding = table_rounding(b, tier, quantity);
+    if (quantity == FACET_D) return rounding;
+    bool behind = may_be_behind(b, quantity) && !facet_slope_table_is_turned(&table->view);
+    return rounding + fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
 }
 
 static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
@@ -242,12 +262,13 @@ bool facet_bound(const facet_brdf *b, facet_tier tier, facet_quantity quantity, 
     *bound = INFINITY;
     if ((unsigned)tier >= FACET_TIER_COUNT || (unsigned)quantity >= FACET_QUANTITY_COUNT)
         return false;
-    if (tier < FACET_EXACT32 && !float_domain(b, quantity)) return false;
     double base = base_bound(tier, b->material.ndf, quantity);
+    tier = facet_served_tier(b, tier);
+    if (tier < FACET_EXACT32 && !float_domain(b, quantity)) return false;
     double value = quantity == FACET_F
                        ? 0
-                       : surface_bound(b, tier, base, input_error) + table_error(b, quantity) +
-                             second_sigma(b, tier, quantity);
+                       : surface_bound(b, tier, base, input_error) +
+                             table_error(b, tier, quantity) + second_sigma(b, tier, quantity);
     if (quantity == FACET_F || quantity == FACET_FR || quantity == FACET_FR_COS)
         value += fresnel_bound(b, tier, quantity == FACET_F, input_error);
     *bound = value;
@@ -266,13 +287,6 @@ bool facet_bound_float(const facet_brdf *b, facet_tier tier, facet_quantity quan
     if (!facet_bound(b, tier, quantity, input_error, bound)) return false;
     *bound = rounded_to_float(tier, *bound);
     return true;
-}
-
-/* Of the roots and quotients of a tier. */
-static double arithmetic_of(facet_tier tier)
-{
-    static const double rounding[FACET_TIER_COUNT] = {0x1p-13, 0x1p-23, 0x1p-41, 0x1p-53};
-    return rounding[tier];
 }
 
 /*
@@ -301,6 +315,7 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
 {
     facet_sampler density;
     *bound = INFINITY;
+    tier = facet_served_tier(b, tier);
     if (facet_batch_sampler(b, sampler, &density)) return false;
     if (density == FACET_SAMPLER_AUTO) return facet_bound(b, tier, FACET_PDF, input_error, bound);
     facet_brdf twin;
@@ -339,6 +354,7 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
 {
     *bound = INFINITY;
     double pdf, weight;
+    tier = facet_served_tier(b, tier);
     if (!facet_sampler_serves(sampler, b->material.ndf)) return false;
     if (!facet_pdf_bound(b, tier, sampler, input_error, &pdf) ||
         !facet_bound(b, tier, FACET_FR_COS, input_error, &weight))

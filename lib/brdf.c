@@ -8,6 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* exp of it times 2^64 is a float. */
+#define LOG_Q_MOST 40
+
 static bool within(double x, double low, double high)
 {
     return x >= low && x <= high; /* false for NaN */
@@ -130,9 +133,19 @@ static bool divides_by_sigmas(enum kernel_masking masking)
     return masking == KERNEL_SMITH_THESIS || masking == KERNEL_UNCORRELATED_THESIS;
 }
 
-static bool floats_hold(const facet_roughness *r)
+/* Powers of a table's scale are formed, and its density without them. */
+static bool table_floats_hold(const facet_slope_table *table, facet_ellipse e)
 {
+    double b = table->view.slope_scale;
+    return fmin(b, 1) * e.alpha_2 >= 1e-4 && fmax(b, 1) * e.alpha_1 <= 1e3 &&
+           table->q.most <= LOG_Q_MOST && table->psi.most <= LOG_Q_MOST;
+}
+
+static bool floats_hold(const facet_material *m)
+{
+    const facet_roughness *r = &m->roughness;
     facet_ellipse e = facet_roughness_to_ellipse(r);
+    if (m->ndf == FACET_TABULATED && !table_floats_hold(m->table, e)) return false;
     return e.alpha_2 >= 1e-4 && e.alpha_1 <= 1e3 && fmax(fabs(r->slope_x), fabs(r->slope_y)) <= 1e2;
 }
 
@@ -196,7 +209,7 @@ facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
     b->masking = masking_of(m, b->shape);
     b->automatic = facet_sampler_auto(m);
     b->channels = m->fresnel.channels;
-    b->floats_hold = floats_hold(&m->roughness) && !divides_by_sigmas(b->masking);
+    b->floats_hold = floats_hold(m) && !divides_by_sigmas(b->masking);
     copy_fresnel(b, &m->fresnel);
     *brdf = b;
     return FACET_OK;

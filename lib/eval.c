@@ -4,6 +4,7 @@
  * strays once more in precise.
  */
 #include "batch.h"
+#include "slope_table.h"
 #include "table_closed.h"
 
 #include <math.h>
@@ -20,9 +21,21 @@ static kernel_eval_fn *find_sampler_loop(const struct batch *batch,
 {
     const facet_brdf *b = batch->brdf;
     facet_ndf ndf = b->material.ndf;
-    if (quantity == KERNEL_WEIGHT) return samplers->weight[ndf][batch->sampler][b->masking];
-    kernel_eval_fn *const *shapes = samplers->pdf[ndf][batch->sampler];
-    return shapes[b->shape] ? shapes[b->shape] : shapes[KERNEL_SHEARED];
+    if (quantity == KERNEL_PDF) {
+        kernel_eval_fn *const *shapes = samplers->pdf[ndf][batch->sampler];
+        return shapes[b->shape] ? shapes[b->shape] : shapes[KERNEL_SHEARED];
+    }
+    kernel_eval_fn *const *weights = samplers->weight[ndf][batch->sampler];
+    return weights[b->masking] ? weights[b->masking] : weights[KERNEL_SMITH]; /* which serves any */
+}
+
+/* A shape that has no loop of its own is served by that of the next, which is more general. */
+static kernel_eval_fn *for_shape(kernel_eval_fn *const (*shapes)[KERNEL_MASKING_COUNT],
+                                 enum kernel_shape shape, enum kernel_masking masking)
+{
+    int s = (int)shape;
+    while (s < KERNEL_SHEARED && !shapes[s][masking]) s++;
+    return shapes[s][masking];
 }
 
 static kernel_eval_fn *find_loop(const struct batch *batch, const struct loops *loops,
@@ -40,11 +53,9 @@ static kernel_eval_fn *find_loop(const struct batch *batch, const struct loops *
     }
     if (quantity == KERNEL_F) return kernels->eval[KERNEL_F][FACET_GGX][KERNEL_ISO][KERNEL_SMITH];
     kernel_eval_fn *const(*shapes)[KERNEL_MASKING_COUNT] = kernels->eval[quantity][b->material.ndf];
-    kernel_eval_fn *loop = shapes[b->shape][b->masking];
-    if (!loop) loop = shapes[KERNEL_SHEARED][b->masking];
-    /* What does not depend on masking is filed under SMITH. */
-    if (!loop) loop = shapes[b->shape][KERNEL_SMITH];
-    return loop ? loop : shapes[KERNEL_SHEARED][KERNEL_SMITH];
+    kernel_eval_fn *own = for_shape(shapes, b->shape, b->masking);
+    /* What does not depend on masking, or takes it as it is, is filed under SMITH. */
+    return own ? own : for_shape(shapes, b->shape, KERNEL_SMITH);
 }
 
 static size_t columns_of(const facet_brdf *b, int quantity)
@@ -60,8 +71,10 @@ static size_t columns_of(const facet_brdf *b, int quantity)
 
 static struct kernel_job job_of(const facet_brdf *b)
 {
-    return (struct kernel_job){
-        .kind = b->material.fresnel.kind, .channels = b->channels, .fresnel = b->fresnel};
+    return (struct kernel_job){.masking = b->masking,
+                               .kind = b->material.fresnel.kind,
+                               .channels = b->channels,
+                               .fresnel = b->fresnel};
 }
 
 /* Elements start .. start + n - 1 of a quantity: those without a number again, in precise. */
@@ -144,10 +157,18 @@ static void run_staged(const struct batch *batch, const struct loops *loops, enu
     }
 }
 
+facet_tier facet_served_tier(const facet_brdf *b, facet_tier tier)
+{
+    return b->material.ndf == FACET_TABULATED && tier == FACET_DRAFT ? FACET_FAST : tier;
+}
+
 facet_tier facet_batch_tier(const facet_brdf *b, facet_tier tier)
 {
-    if (b->material.ndf == FACET_TABULATED) return FACET_PRECISE;
-    return tier < FACET_EXACT32 && !b->floats_hold ? FACET_EXACT32 : tier;
+    bool floats = b->floats_hold;
+    tier = facet_served_tier(b, tier);
+    if (floats && tier < FACET_EXACT32 && b->material.ndf == FACET_TABULATED)
+        floats = facet_slope_table_has_floats(b->material.table);
+    return tier < FACET_EXACT32 && !floats ? FACET_EXACT32 : tier;
 }
 
 /* The table has a density and no more. */

@@ -144,22 +144,6 @@ bool facet_slope_normalise(double norm, double *y, size_t n)
     return true;
 }
 
-static void measure_log_q(facet_slope_table *table)
-{
-    enum { STEPS = 4 };
-    double floor_ = log(FACET_FLOOR), cells = (double)table->view.log_q.cells;
-    for (size_t i = 0; i < table->view.log_q.cells; i++) {
-        const double *c = table->view.log_q.c + 4 * i;
-        for (int k = 0; k <= STEPS; k++) {
-            double t = (double)k / STEPS, y = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
-            if (y < floor_) continue;
-            double slope = (c[1] + t * (2 * c[2] + t * 3 * c[3])) * cells;
-            table->log_q_max = fmax(table->log_q_max, fabs(y));
-            table->log_q_slope = fmax(table->log_q_slope, fabs(slope));
-        }
-    }
-}
-
 static facet_status fill(facet_slope_table *table, const double *log_d, size_t n, double *work)
 {
     double *c = table->coefficients, *y = work, *rest = work + n,
@@ -179,9 +163,9 @@ static facet_status fill(facet_slope_table *table, const double *log_d, size_t n
         facet_slope_pieces_clear(pieces);
         if (!facet_slope_normalise(norm, y, n)) return FACET_BAD_TABLE;
     }
-    measure_log_q(table);
     table->quantile_gain = facet_slope_quantile_gain(pieces);
     tabulate_sigma(table, pieces, c + 4 * cells, node, between);
+    facet_slope_table_measure(table);
     return FACET_OK;
 }
 
@@ -212,6 +196,7 @@ void facet_slope_table_destroy(facet_slope_table *table)
     if (table) {
         facet_slope_pieces_clear(&table->pieces);
         free(table->rays);
+        free(table->view.floats);
     }
     free(table);
 }

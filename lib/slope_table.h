@@ -10,6 +10,14 @@
 #include <stdatomic.h>
 
 /*
+ * Of logarithms where they count: what rounding of them and of u costs.  Their largest size, their largest value, and
+ * the largest derivative by log u or log(1 - u), whichever is nearer its 0, and by the azimuth in units of pi.
+ */
+struct slope_reach {
+    double size, most, gain;
+};
+
+/*
  * The model is D as view.log_q tabulates it: exact up to rounding.  sigma is
  * the integral of that D, tabulated in turn, so it carries an error of its own,
  * measured halfway between the nodes of log_psi when the table is made.
@@ -19,11 +27,10 @@ struct facet_slope_table {
     struct slope_pieces pieces; /* of log_q; sampling inverts their sums */
     double sigma_error;         /* of sigma(k), relative, c >= 0 */
     double psi_error;           /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
-    double log_q_max;     /* largest |log_q| where it matters, that is, above log(FACET_FLOOR) */
-    double log_q_slope;   /* largest |d log_q / du| there: what rounding of u costs */
-    double quantile_gain; /* slope_quantile.h */
+    double gain; /* largest derivative of log D by log tan theta or the azimuth, where D counts */
+    struct slope_reach q, psi, behind; /* psi beside c > 0, and all there is of sigma behind */
+    double quantile_gain;              /* slope_quantile.h */
     /* Of a table that is not radial, whose pieces are empty: */
-    double turned_gain;                /* slope_turned.h's gain */
     _Atomic(struct slope_rays *) rays; /* for sampling; NULL until it is asked for */
     double coefficients[];             /* of log_q, then of log_psi */
 };
@@ -35,6 +42,12 @@ static inline bool facet_slope_table_is_turned(const struct kernel_table *view)
 
 /* What sampling needs of a table that is not radial; NULL: out of memory. */
 const struct slope_rays *facet_slope_table_rays(const facet_slope_table *table);
+
+/* Fills in q, psi, behind, view.behind_most, and gain where it is radial, of a table that is otherwise made. */
+void facet_slope_table_measure(facet_slope_table *table);
+
+/* Whether view.floats is there, made now or before; false: out of memory. */
+bool facet_slope_table_has_floats(const facet_slope_table *table);
 
 bool facet_slope_nodes_valid(double scale, const double *log_d, size_t n);
 

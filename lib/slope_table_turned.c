@@ -133,12 +133,14 @@ static facet_status fill(facet_slope_table *table, const struct sizes *s, double
     if (!facet_slope_normalise(sums.mass, y, s->n * s->turns)) return FACET_BAD_TABLE;
     status = tabulate_q(y, s, table->coefficients, &view->turned_q);
     if (status) return status;
-    table->turned_gain = sums.gain;
+    table->gain = sums.gain;
     table->quantile_gain = RAY_GAIN;
     double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
     status = fill_psi(table, s->psi_cells, c);
     bool again = table->sigma_error > SIGMA_ERROR && s->psi_cells_most > s->psi_cells;
-    return status || !again ? status : fill_psi(table, s->psi_cells_most, c);
+    if (!status && again) status = fill_psi(table, s->psi_cells_most, c);
+    if (!status) facet_slope_table_measure(table);
+    return status;
 }
 
 facet_status facet_slope_table_create_turned(double scale, const double *log_d, size_t n,

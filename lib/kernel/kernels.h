@@ -9,6 +9,8 @@
 
 #include "facet.h"
 
+#include <stdatomic.h>
+
 /* Piecewise cubic on uniform cells of [0, 1]: c[4 i + j] multiplies t^j, t in [0, 1] local to cell i. */
 struct kernel_cubic {
     const double *c;
@@ -41,10 +43,28 @@ struct kernel_sheet {
  */
 #define KERNEL_LOG_ZERO (-800.0)
 
+/*
+ * A cubic or a sheet for the float tiers: its logarithms to base 2, each half of [0, 1] counted from
+ * its own end, for both u and 1 - u are to keep their digits.  First the `half` cells from 0 on, then
+ * as many from 1 back, t with them; of a sheet all turns of the first half, then all of the second.
+ */
+struct kernel_halves {
+    const float *c;
+    size_t cells, half, turns; /* no turns: cubics */
+};
+
+struct kernel_floats {
+    struct kernel_halves q, psi;
+    float c[];
+};
+
 struct kernel_table {
     double slope_scale;
     struct kernel_cubic log_q, log_psi;
     struct kernel_sheet turned_q, turned_psi; /* no turns: it is radial */
+    /* Floats hold sigma seen from behind where |c| is no more than this times s: beyond they lose it, and D. */
+    double behind_most;
+    _Atomic(struct kernel_floats *) floats; /* made when a float tier is first asked for */
 };
 
 /*
@@ -78,7 +98,7 @@ struct kernel_fresnel {
 
 /*
  * What is simpler about a surface, and so cheaper.  A loop that is not built
- * for a shape is served by the one for SHEARED, which is general.
+ * for a shape is served by the one for the next, up to SHEARED, which is general.
  */
 enum kernel_shape { KERNEL_ISO, KERNEL_CENTRAL, KERNEL_SHEARED, KERNEL_SHAPE_COUNT };
 
@@ -116,6 +136,7 @@ struct kernel_job {
     void *sampled_wi[3], *sampled_h[3], *sampled_pdf;
     size_t *again; /* as many as there are draws */
     /* Evaluation. */
+    enum kernel_masking masking; /* of the loops that take any */
     facet_fresnel_kind kind;
     size_t channels;
     const struct kernel_fresnel *fresnel; /* a channel each */

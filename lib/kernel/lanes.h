@@ -19,6 +19,8 @@
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
+/* For what is long and called from many loops: their calls cost less than compiling it into each. */
+#define APART static __attribute__((noinline, unused))
 
 #if defined(FACET_TIER_draft) || defined(FACET_TIER_fast)
 #define REAL_IS_FLOAT 1
@@ -239,6 +241,73 @@ INLINE real narrow(struct doubles x)
 }
 INLINE half_lanes half_nmadd(half_lanes b, double c, half_lanes a) { return a - b * c; }
 #endif
+#endif
+
+/* ---- looking up ------------------------------------------------------------------ */
+
+/* A place in memory for every lane: no more than 2^31. */
+typedef int32_t lane_index __attribute__((vector_size(LANES * sizeof(int32_t))));
+
+/* Of 0 <= x < 2^31. */
+INLINE lane_index whole_part(real x) { return __builtin_convertvector(x, lane_index); }
+INLINE real real_of(lane_index i) { return __builtin_convertvector(i, real); }
+
+#if REAL_IS_FLOAT
+INLINE lane_index select_index(mask m, lane_index a, lane_index b) { return (lane_index)select(m, (real)a, (real)b); }
+#endif
+
+/* Extracting lanes from a register takes several times as long as reading them back, which compilers do not know. */
+INLINE void put_in_memory(lane_index i, int32_t at[LANES])
+{
+    memcpy(at, &i, sizeof i);
+    __asm__("" : "+m"(*(int32_t(*)[LANES])at));
+}
+
+/* Four neighbours in memory of every lane: c[at + j] in of[j].  Whole loads and a transposition: gathers are slower. */
+struct fours {
+    real of[4];
+};
+
+#if defined(__SSE2__)
+#if REAL_IS_FLOAT
+#define SLOT(p) _mm_loadu_ps(p)
+#define SLOTS(a, b) _mm256_insertf128_ps(_mm256_castps128_ps256(SLOT(a)), SLOT(b), 1)
+#else
+#define SLOT(p) _mm_loadu_pd(p)
+#define SLOTS(a, b) _mm256_insertf128_pd(_mm256_castpd128_pd256(SLOT(a)), SLOT(b), 1)
+#endif
+/* 16 bytes of every step-th lane. */
+#if REGISTER_BYTES == 64 && REAL_IS_FLOAT
+INLINE real slots(const lane *c, const int32_t *at, size_t step) { return _mm512_insertf32x8(_mm512_castps256_ps512(SLOTS(c + at[0], c + at[step])), SLOTS(c + at[2 * step], c + at[3 * step]), 1); }
+#elif REGISTER_BYTES == 64
+INLINE real slots(const lane *c, const int32_t *at, size_t step) { return _mm512_insertf64x4(_mm512_castpd256_pd512(SLOTS(c + at[0], c + at[step])), SLOTS(c + at[2 * step], c + at[3 * step]), 1); }
+#elif REGISTER_BYTES == 32
+INLINE real slots(const lane *c, const int32_t *at, size_t step) { return SLOTS(c + at[0], c + at[step]); }
+#else
+INLINE real slots(const lane *c, const int32_t *at, size_t step) { (void)step; return SLOT(c + at[0]); }
+#endif
+#if REAL_IS_FLOAT
+INLINE struct fours fours_at(const lane *c, const int32_t at[LANES])
+{
+    real r0 = slots(c, at, 4), r1 = slots(c, at + 1, 4), r2 = slots(c, at + 2, 4), r3 = slots(c, at + 3, 4);
+    real a = VECTOR(unpacklo)(r0, r1), b = VECTOR(unpacklo)(r2, r3), d = VECTOR(unpackhi)(r0, r1), e = VECTOR(unpackhi)(r2, r3);
+    return (struct fours){ { VECTOR(shuffle)(a, b, 0x44), VECTOR(shuffle)(a, b, 0xee), VECTOR(shuffle)(d, e, 0x44), VECTOR(shuffle)(d, e, 0xee) } };
+}
+#else
+INLINE struct fours fours_at(const lane *c, const int32_t at[LANES])
+{
+    real a = slots(c, at, 2), b = slots(c, at + 1, 2), d = slots(c + 2, at, 2), e = slots(c + 2, at + 1, 2);
+    return (struct fours){ { VECTOR(unpacklo)(a, b), VECTOR(unpackhi)(a, b), VECTOR(unpacklo)(d, e), VECTOR(unpackhi)(d, e) } };
+}
+#endif
+#else
+INLINE struct fours fours_at(const lane *c, const int32_t at[LANES])
+{
+    struct fours y;
+    for (size_t k = 0; k < LANES; k++)
+        for (int j = 0; j < 4; j++) y.of[j][k] = c[at[k] + j];
+    return y;
+}
 #endif
 
 /* ---- to and from memory --------------------------------------------------------- */

@@ -125,6 +125,16 @@ INLINE struct terms load_terms(const struct kernel_surface *s, struct model m,
 #define LEAST_ROUNDED R(0) /* doubles are not rounded */
 #endif
 
+/* Positive where sigma is no smaller than floats hold, or is not needed: nothing is lit. */
+INLINE real table_margin(const struct kernel_surface *s, struct direction i, struct direction o,
+                         enum kernel_quantity q)
+{
+    real seen = table_front(s, o);
+    if (q == KERNEL_G1_I) seen = table_front(s, i);
+    bool is_lit = q == KERNEL_FR || q == KERNEL_FR_COS || q == KERNEL_G || q == KERNEL_WEIGHT;
+    return is_lit ? real_max(seen, -real_min(i.z, o.z)) : seen;
+}
+
 /*
  * Positive where a pair is within the range.  By differences and minima, which cost
  * nothing beside the multiplications, and one comparison; `value` comes last because
@@ -150,6 +160,8 @@ INLINE real margin(struct model m, const struct kernel_surface *s, const struct 
         least = real_min(least, c - R(LEAST_COSINE * lean_of(s)));
         if (scales(m)) least = real_min(least, BEHIND_MAX + beckmann_cotangent(t->o).v);
     }
+    if (m.ndf == FACET_TABULATED && REAL_IS_FLOAT && q != KERNEL_D)
+        least = real_min(least, table_margin(s, t->i, t->o, q));
     bool from_below = q == KERNEL_PDF || q == KERNEL_D_VIS || q == KERNEL_SIGMA_O;
     if (from_below && m.ndf == FACET_BECKMANN && m.shape != KERNEL_SHEARED)
         least = real_min(least, t->o.z);
@@ -266,7 +278,7 @@ INLINE lane constant_of(struct model m, const struct kernel_surface *s, enum ker
     {                                                                                              \
         const struct kernel_surface s = *surface;                                                  \
         struct kernel_job own = *job;                                                              \
-        const struct model m = {FACET_##ndf_, KERNEL_##shape_, KERNEL_##masking_};                 \
+        const struct model m = {FACET_##ndf_, KERNEL_##shape_, masking_};                          \
         mask some = less(splat(0), splat(0));                                                      \
         fixed;                                                                                     \
         for (size_t k = 0; k < n; k += LANES) {                                                    \

@@ -30,7 +30,7 @@ INLINE bool scales(struct model m)
  */
 INLINE lane peak_of(struct model m, const struct kernel_surface *s)
 {
-    return R(s->peak * (m.ndf == FACET_BECKMANN && LIFT ? 0x1p-64 : 1));
+    return R(s->peak * (m.ndf != FACET_GGX && LIFT ? 0x1p-64 : 1));
 }
 
 INLINE lane factor_of(struct model m, const struct kernel_surface *s)
@@ -218,13 +218,13 @@ INLINE real value_of(struct fraction f)
 }
 
 /*
- * Where `where` is positive.  Of Beckmann's tail what counts as 0 becomes 0 before it
+ * Where `where` is positive.  Of a tail (GGX has none) what counts as 0 becomes 0 before it
  * becomes denormal, which processors are slow with; a value that is no number stays so.
  */
 #define LEAST_VALUE (REAL_IS_FLOAT ? 1e-35 : 1e-250)
 INLINE real counted(struct model m, lane factor, real where, real value)
 {
-    if (m.ndf == FACET_BECKMANN && !COMPENSATED)
+    if (m.ndf != FACET_GGX && !COMPENSATED)
         where = real_min(value - R(LEAST_VALUE) / factor, where);
     return select(less(splat(0), where), value, splat(0));
 }

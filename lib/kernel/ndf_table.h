@@ -8,42 +8,41 @@
 #include "surface.h"
 #include "vmath.h"
 
-/* Lane by lane: looking up does not vectorise. */
-INLINE real cubic_at(struct kernel_cubic f, real u)
+/* Where x >= 0, in units of cells, lies: in which of `count`, and how far from its start. */
+struct cell {
+    lane_index number;
+    real t;
+};
+
+/* Where x is no number, in the last. */
+INLINE struct cell cell_of(real x, size_t count)
 {
-    lane at[LANES];
-    memcpy(at, &u, sizeof at);
-    for (size_t k = 0; k < LANES; k++) {
-        lane x = at[k] * R(f.cells);
-        x = x > 0 ? x : 0;
-        size_t last = f.cells - 1, i = x < R(last) ? (size_t)x : last;
-        lane t = x - R(i);
-        const double *c = f.c + 4 * i;
-        at[k] = ((R(c[3]) * t + R(c[2])) * t + R(c[1])) * t + R(c[0]);
-    }
-    memcpy(&u, at, sizeof u);
-    return u;
+    lane_index number = whole_part(real_min(x, splat(R(count - 1))));
+    return (struct cell){number, x - real_of(number)};
 }
 
-/* The same of two variables. */
-INLINE real sheet_at(struct kernel_sheet f, real u, real turn)
+INLINE real cubic_of(const lane *c, const int32_t at[LANES], real t)
 {
-    lane at[LANES], by[LANES];
-    memcpy(at, &u, sizeof at);
-    memcpy(by, &turn, sizeof by);
-    for (size_t k = 0; k < LANES; k++) {
-        lane x = at[k] * R(f.cells), y = by[k] * R(f.turns), sum = 0;
-        x = x > 0 ? x : 0;
-        size_t last = f.cells - 1, i = x < R(last) ? (size_t)x : last;
-        size_t end = f.turns - 1, j = y < R(end) ? (size_t)y : end;
-        lane t = x - R(i), s = y - R(j);
-        const double *c = f.c + 16 * (f.cells * j + i);
-        for (size_t m = 16; m > 0; m -= 4)
-            sum = sum * s + (((R(c[m - 1]) * t + R(c[m - 2])) * t + R(c[m - 3])) * t + R(c[m - 4]));
-        at[k] = sum;
-    }
-    memcpy(&u, at, sizeof u);
-    return u;
+    struct fours f = fours_at(c, at);
+    return madd(madd(madd(f.of[3], t, f.of[2]), t, f.of[1]), t, f.of[0]);
+}
+
+/* The cubic with that number. */
+INLINE real cubic_at(const lane *c, lane_index number, real t)
+{
+    int32_t at[LANES];
+    put_in_memory(number * 4, at);
+    return cubic_of(c, at, t);
+}
+
+/* The patch with that number. */
+INLINE real patch_at(const lane *c, lane_index number, real t, real s)
+{
+    int32_t at[LANES];
+    put_in_memory(number * 16, at);
+    real sum = cubic_of(c + 12, at, t);
+    for (size_t m = 3; m-- > 0;) sum = madd(sum, s, cubic_of(c + 4 * m, at, t));
+    return sum;
 }
 
 /* The azimuth of (x, y) or of (-x, -y) in units of pi, in [0, 1]. */
@@ -59,34 +58,143 @@ INLINE real half_turn_of(real x, real y)
     return select(less(x * y, splat(0)), splat(1) - a, a);
 }
 
-INLINE real exp_any(real x)
+/* u = from_0 / (from_0 + from_1), 0 at one end and 1 at the other. */
+struct place {
+    real from_0, from_1;
+    real inverse; /* of their sum */
+    real x, y;    /* what has the azimuth */
+};
+
+INLINE struct place place_of(real from_0, real from_1, real x, real y)
 {
-    real e = exp_minus(real_abs(x));
-    return select(less(splat(0), x), quotient(splat(1), real_max(e, splat(REAL_MIN))), e);
+    real whole = real_max(from_0 + from_1, splat(REAL_MIN));
+    return (struct place){from_0, from_1, recip_fine(whole), x, y};
 }
+
+/*
+ * Over the azimuth and not: each a function apart, whose vectors go in registers one by one.
+ */
+#if REAL_IS_FLOAT
+/* In cells from the nearer end; and the first cell of those counted from there. */
+struct nearer {
+    real x;
+    lane_index first;
+};
+
+INLINE struct nearer nearer_of(size_t cells, size_t later, real from_0, real from_1, real inverse)
+{
+    lane_index none = {0};
+    return (struct nearer){real_min(from_0, from_1) * R(cells) * inverse,
+                           select_index(less(from_1, from_0), none + (int32_t)later, none)};
+}
+
+APART real halves_at(const struct kernel_halves *f, real from_0, real from_1, real inverse)
+{
+    struct nearer n = nearer_of(f->cells, f->half, from_0, from_1, inverse);
+    struct cell cell = cell_of(n.x, f->half);
+    return cubic_at(f->c, cell.number + n.first, cell.t);
+}
+
+APART real turned_halves_at(const struct kernel_halves *f, real from_0, real from_1, real inverse,
+                            real x, real y)
+{
+    struct nearer n = nearer_of(f->cells, f->half * f->turns, from_0, from_1, inverse);
+    struct cell cell = cell_of(n.x, f->half),
+                turn = cell_of(half_turn_of(x, y) * R(f->turns), f->turns);
+    return patch_at(f->c, turn.number * (int32_t)f->half + cell.number + n.first, cell.t, turn.t);
+}
+
+INLINE real halves_of_place(const struct kernel_halves *f, struct place p)
+{
+    return f->turns ? turned_halves_at(f, p.from_0, p.from_1, p.inverse, p.x, p.y)
+                    : halves_at(f, p.from_0, p.from_1, p.inverse);
+}
+
+INLINE const struct kernel_floats *floats_of(const struct kernel_surface *s)
+{
+    return atomic_load_explicit(&s->table->floats, memory_order_acquire);
+}
+
+/* 2^LIFT Q, and what LIFT is for. */
+INLINE real table_q(const struct kernel_surface *s, struct place p)
+{
+    return exp_lifted((pair){-halves_of_place(&floats_of(s)->q, p), splat(0)});
+}
+
+/* What is so small beside c counts as no more than that: it is not to become denormal. */
+#define PSI_EXPONENT_MAX 60
+
+INLINE real table_psi(const struct kernel_surface *s, struct place p)
+{
+    real exponent = -halves_of_place(&floats_of(s)->psi, p);
+    return exp_minus_pair((pair){real_min(exponent, splat(R(PSI_EXPONENT_MAX))), splat(0)});
+}
+
+/* Positive where floats hold what is seen from k of the surface. */
+INLINE real table_front(const struct kernel_surface *s, struct direction k)
+{
+    double most = s->table->behind_most;
+    return madd(k.c, real_abs(k.c), k.s2 * R(most * most));
+}
+#else
+APART real cubic_logarithm(const struct kernel_cubic *f, real u)
+{
+    struct cell cell = cell_of(u * R(f->cells), f->cells);
+    return cubic_at(f->c, cell.number, cell.t);
+}
+
+APART real sheet_logarithm(const struct kernel_sheet *f, real u, real x, real y)
+{
+    struct cell cell = cell_of(u * R(f->cells), f->cells),
+                turn = cell_of(half_turn_of(x, y) * R(f->turns), f->turns);
+    return patch_at(f->c, turn.number * (int32_t)f->cells + cell.number, cell.t, turn.t);
+}
+
+/* Where it is above 1 too: it is far from what overflows. */
+INLINE real table_exp(real x)
+{
+    return exp_minus(-x);
+}
+
+INLINE real table_q(const struct kernel_surface *s, struct place p)
+{
+    const struct kernel_table *t = s->table;
+    real u = p.from_0 * p.inverse;
+    return table_exp(t->turned_q.turns ? sheet_logarithm(&t->turned_q, u, p.x, p.y)
+                                       : cubic_logarithm(&t->log_q, u));
+}
+
+/* The sheet is over 1 - w. */
+INLINE real table_psi(const struct kernel_surface *s, struct place p)
+{
+    const struct kernel_table *t = s->table;
+    return table_exp(t->turned_psi.turns
+                         ? sheet_logarithm(&t->turned_psi, p.from_1 * p.inverse, p.x, p.y)
+                         : cubic_logarithm(&t->log_psi, p.from_0 * p.inverse));
+}
+
+INLINE real table_front(const struct kernel_surface *s, struct direction k)
+{
+    (void)s, (void)k;
+    return splat(1);
+}
+#endif
 
 /* Even in H, as the other distributions are: pdf_ndf turns it up. */
 INLINE real table_density(const struct kernel_surface *s, struct half h)
 {
     real r = root_from_zero(madd(h.x, h.x, h.y * h.y)),
          bz = R(s->table->slope_scale) * real_abs(h.z);
-    real inverse = recip(bz + r), near = R(s->table->slope_scale) * inverse;
-    real q = R(SQRT_PI) * h.hh * near * near, u = r * inverse;
-    struct kernel_sheet sheet = s->table->turned_q;
-    real log_q = sheet.turns ? sheet_at(sheet, u, half_turn_of(h.x, h.y))
-                             : cubic_at(s->table->log_q, u);
-    return q * q * exp_any(log_q);
+    struct place p = place_of(r, bz, h.x, h.y);
+    real near = R(s->table->slope_scale) * p.inverse, q = R(SQRT_PI) * h.hh * near * near;
+    return q * q * table_q(s, p);
 }
 
 INLINE real table_excess(const struct kernel_surface *s, struct direction k)
 {
     real length = R(s->table->slope_scale) * root_from_zero(k.s2);
-    real whole = real_max(length + real_abs(k.c), splat(REAL_MIN)), w = quotient(length, whole);
-    struct kernel_sheet sheet = s->table->turned_psi;
-    real log_psi = sheet.turns
-                       ? sheet_at(sheet, quotient(real_abs(k.c), whole), half_turn_of(k.a, k.b))
-                       : cubic_at(s->table->log_psi, w);
-    return length * w * exp_any(log_psi);
+    struct place p = place_of(length, real_abs(k.c), k.a, k.b);
+    return length * (length * p.inverse) * table_psi(s, p);
 }
 
 #endif

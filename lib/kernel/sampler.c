@@ -218,12 +218,17 @@ INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const 
         STORE_MARKED(PDF)                                                                          \
     }
 #define PDF_LOOP(sampler, function, ndf, shape)                                                    \
-    LOOP(pdf_##sampler##_##ndf##_##shape, ndf, shape, SMITH, (void)0, PDF_OF(function))
+    LOOP(pdf_##sampler##_##ndf##_##shape, ndf, shape, KERNEL_SMITH, (void)0, PDF_OF(function))
 #define JOINT_LOOP(sampler, function, ndf, shape)                                                  \
-    LOOP(fr_pdf_##sampler##_##ndf##_##shape, ndf, shape, SMITH, (void)0,                           \
+    LOOP(fr_pdf_##sampler##_##ndf##_##shape, ndf, shape, KERNEL_SMITH, (void)0,                    \
          ONE_QUANTITY(FR) PDF_OF(function))
 #define WEIGHT_LOOP(sampler, function, ndf, shape, masking)                                        \
-    LOOP(weight_##sampler##_##ndf##_##masking, ndf, shape, masking, (void)0, {                     \
+    LOOP(weight_##sampler##_##ndf##_##masking, ndf, shape, KERNEL_##masking, (void)0, {            \
+        real value = function(m, &s, &t);                                                          \
+        STORE_MARKED(WEIGHT)                                                                       \
+    })
+#define ANY_WEIGHT_LOOP(sampler, function, ndf, shape)                                             \
+    LOOP(weight_##sampler##_##ndf##_ANY, ndf, shape, job->masking, (void)0, {                      \
         real value = function(m, &s, &t);                                                          \
         STORE_MARKED(WEIGHT)                                                                       \
     })
@@ -231,6 +236,7 @@ INLINE real weight_cosine(struct model m, const struct kernel_surface *s, const 
 #undef PDF_LOOP
 #undef JOINT_LOOP
 #undef WEIGHT_LOOP
+#undef ANY_WEIGHT_LOOP
 
 /* ---- the table ------------------------------------------------------------------------------- */
 
@@ -262,5 +268,7 @@ const struct facet_samplers TABLE_NAME(samplers, FACET_TIER, FACET_IO, FACET_ISA
 #define WEIGHT_LOOP(sampler, function, ndf, shape, masking)                                        \
     .weight[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_##masking] =                              \
         weight_##sampler##_##ndf##_##masking,
+#define ANY_WEIGHT_LOOP(sampler, function, ndf, shape)                                             \
+    .weight[FACET_##ndf][FACET_SAMPLER_##sampler][KERNEL_SMITH] = weight_##sampler##_##ndf##_ANY,
 #include "samplers.def"
 };

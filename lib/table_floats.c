@@ -1,0 +1,174 @@
+/*
+ * table_floats.c - a slope table for the float tiers: its coefficients in floats, and what floats lose of it.
+ */
+#include "slope_table.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define LOG2_E 1.44269504088896340736
+
+/*
+ * Down to here log_q counts: where sigma is 1e-10 of s, and no less is asked of floats (LOG_PSI_BEHIND), D
+ * of FACET_FLOOR times that still makes a pdf of FACET_FLOOR.
+ */
+#define LOG_Q_FAINT (log(FACET_FLOOR) - 23)
+#define LOG_PSI_BEHIND (-23.0)
+/* Of behind_most: its square times that of any alpha is a float. */
+#define BEHIND_ALL 1e14
+
+/* ---- What floats lose ----------------------------------------------------------------------- */
+
+/* A logarithm at u and its derivatives; share: what part of the result it is of. */
+static void reach_to(struct slope_reach *reach, double u, double y, double per_u, double per_turn,
+                     double share)
+{
+    reach->size = fmax(reach->size, share * fabs(y));
+    reach->gain = fmax(reach->gain, share * (fabs(per_u) * fmin(u, 1 - u) + fabs(per_turn)));
+    reach->most = fmax(reach->most, y);
+}
+
+/* Of sigma = |c| + S w exp(log_psi), w = S/(S + |c|). */
+static double excess_share(double w, double y)
+{
+    double excess = w * w * exp(fmin(y, 300));
+    return excess / (1 - w + excess);
+}
+
+/* Of a cell; more of one that falls to nothing. */
+enum { STEPS = 4, STEPS_FALLING = 64 };
+
+/* Whether it is all above `least`. */
+static bool walk(const struct kernel_cubic *f, size_t i, int steps, double least, bool is_shared,
+                 struct slope_reach *reach)
+{
+    const double *c = f->c + 4 * i;
+    bool whole = true;
+    for (int k = 0; k <= steps; k++) {
+        double t = (double)k / steps, u = ((double)i + t) / (double)f->cells;
+        double y = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+        double per_u = (c[1] + t * (2 * c[2] + t * 3 * c[3])) * (double)f->cells;
+        if (y < least)
+            whole = false;
+        else
+            reach_to(reach, u, y, per_u, 0, is_shared ? excess_share(u, y) : 1);
+    }
+    return whole;
+}
+
+static bool walk_cell(const struct kernel_cubic *f, size_t i, double least, bool is_shared,
+                      struct slope_reach *reach)
+{
+    bool whole = walk(f, i, STEPS, least, is_shared, reach);
+    if (!whole) walk(f, i, STEPS_FALLING, least, is_shared, reach);
+    return whole;
+}
+
+static void measure_radial(facet_slope_table *table)
+{
+    struct kernel_cubic q = table->view.log_q, psi = table->view.log_psi;
+    for (size_t i = 0; i < q.cells; i++) walk_cell(&q, i, LOG_Q_FAINT, false, &table->q);
+    /* D = P (1 + r^2)^2, P = exp(log_q) (1 - u)^4, and d u/d log r = u (1 - u). */
+    table->gain = 4 + table->q.gain;
+    for (size_t i = 0; i < psi.cells; i++) walk_cell(&psi, i, KERNEL_LOG_ZERO, true, &table->psi);
+    size_t first = psi.cells;
+    while (first > 0 && walk_cell(&psi, first - 1, LOG_PSI_BEHIND, false, &table->behind)) first--;
+    double w = (double)first / (double)psi.cells;
+    table->view.behind_most = w > 0 ? fmin(table->view.slope_scale * (1 - w) / w, BEHIND_ALL)
+                                    : BEHIND_ALL;
+}
+
+/* At the corner of every patch: its sheets are smooth. */
+static void measure_sheet(const struct kernel_sheet *f, double least, bool is_psi,
+                          struct slope_reach *reach)
+{
+    for (size_t k = 0; k < f->cells * f->turns; k++) {
+        const double *c = f->c + 16 * k, u = (double)(k % f->cells) / (double)f->cells;
+        if (c[0] >= least)
+            reach_to(reach, u, c[0], c[1] * (double)f->cells, c[4] * (double)f->turns,
+                     is_psi ? excess_share(1 - u, c[0]) : 1);
+    }
+}
+
+void facet_slope_table_measure(facet_slope_table *table)
+{
+    if (!facet_slope_table_is_turned(&table->view)) {
+        measure_radial(table);
+        return;
+    }
+    measure_sheet(&table->view.turned_q, LOG_Q_FAINT, false, &table->q);
+    measure_sheet(&table->view.turned_psi, KERNEL_LOG_ZERO, true, &table->psi);
+}
+
+/* ---- In floats ------------------------------------------------------------------------------ */
+
+/* Cubics in t to base 2, those from the other end in 1 - t. */
+static void put_cubics(const double *c, size_t count, bool back, float *to)
+{
+    for (size_t i = 0; i < 4 * count; i += 4) {
+        double d[4] = {c[i], c[i + 1], c[i + 2], c[i + 3]};
+        if (back) {
+            d[0] = c[i] + c[i + 1] + c[i + 2] + c[i + 3];
+            d[1] = -(c[i + 1] + 2 * c[i + 2] + 3 * c[i + 3]);
+            d[2] = c[i + 2] + 3 * c[i + 3];
+            d[3] = -c[i + 3];
+        }
+        for (int j = 0; j < 4; j++) to[i + (size_t)j] = (float)(LOG2_E * d[j]);
+    }
+}
+
+/* rows of cells of `count` cubics each; turned_over: over 1 - u. */
+static void put_halves(const double *c, size_t count, bool turned_over, float *to,
+                       struct kernel_halves *halves)
+{
+    size_t rows = halves->turns ? halves->turns : 1;
+    for (size_t side = 0; side < 2; side++)
+        for (size_t j = 0; j < rows; j++)
+            for (size_t i = 0; i < halves->half; i++) {
+                bool back = (side == 1) != turned_over;
+                size_t cell = back ? halves->cells - 1 - i : i;
+                put_cubics(c + 4 * count * (halves->cells * j + cell), count, back,
+                           to + 4 * count * ((rows * side + j) * halves->half + i));
+            }
+    halves->c = to;
+}
+
+static struct kernel_halves halves_of(const struct kernel_cubic *cubic,
+                                      const struct kernel_sheet *sheet)
+{
+    size_t cells = sheet->turns ? sheet->cells : cubic->cells;
+    return (struct kernel_halves){NULL, cells, (cells + 1) / 2, sheet->turns};
+}
+
+static size_t numbers_of(const struct kernel_halves *halves)
+{
+    return 2 * halves->half * (halves->turns ? 16 * halves->turns : 4);
+}
+
+static struct kernel_floats *make_floats(const struct kernel_table *view)
+{
+    struct kernel_halves q = halves_of(&view->log_q, &view->turned_q),
+                         psi = halves_of(&view->log_psi, &view->turned_psi);
+    struct kernel_floats *floats = malloc(sizeof *floats +
+                                          (numbers_of(&q) + numbers_of(&psi)) * sizeof(float));
+    if (!floats) return NULL;
+    bool turned = q.turns > 0;
+    put_halves(turned ? view->turned_q.c : view->log_q.c, turned ? 4 : 1, false, floats->c, &q);
+    put_halves(turned ? view->turned_psi.c : view->log_psi.c, turned ? 4 : 1, turned,
+               floats->c + numbers_of(&q), &psi);
+    floats->q = q;
+    floats->psi = psi;
+    return floats;
+}
+
+bool facet_slope_table_has_floats(const facet_slope_table *table)
+{
+    /* It is a cache: the table that callers see does not change. */
+    _Atomic(struct kernel_floats *) *kept = (_Atomic(struct kernel_floats *) *)&table->view.floats;
+    struct kernel_floats *none = NULL;
+    if (atomic_load_explicit(kept, memory_order_acquire)) return true;
+    struct kernel_floats *made = make_floats(&table->view);
+    if (made && !atomic_compare_exchange_strong(kept, &none, made))
+        free(made); /* another thread was first */
+    return made;
+}

@@ -1,0 +1,235 @@
+/*
+ * Tabulated materials: what the tiers promise against precise, which sees the same table, and D of precise
+ * against the table itself in long double.
+ */
+#include "check.h"
+#include "draw.h"
+#include "slope_table.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* As many as a table's material has pairs; no whole number of vectors. */
+enum { PAIRS = 37, NODES = 91, TURNS = 12 };
+
+/* log D at tan theta = r and an azimuth, at alpha = 1: each is hard in its own way. */
+static double flat(double r, double turn)
+{
+    (void)r, (void)turn;
+    return 0;
+}
+static double steep(double r, double turn)
+{
+    (void)turn;
+    return fmax(2 * log1p(r * r) - r * r, -1e4);
+}
+static double ends(double r, double turn) /* from much to nothing within a cell */
+{
+    (void)turn;
+    return r < 2 ? -r : -1e4;
+}
+static double waves(double r, double turn)
+{
+    (void)turn;
+    return -4 * log1p(r) + sin(9 * atan(r)) + (r < 1e300 ? 0.3 * cos(77 * r / (1 + r)) : 0);
+}
+static double ellipse(double r, double turn)
+{
+    double x = cos(acos(-1) * turn), e = 1 + 3 * x * x;
+    return r < 1e300 ? fmax(2 * log1p(r * r) - 2 * log1p(e * r * r), -60) : -2 * log(e);
+}
+
+static const struct source {
+    const char *name;
+    double (*log_d)(double r, double turn);
+    double scale;
+    size_t turns; /* 0: radial */
+} sources[] = {
+    {"flat", flat, 1, 0},           {"steep", steep, 1, 0}, {"ends", ends, 1, 0},
+    {"narrow", flat, 0.01, 0},      {"wide", steep, 30, 0}, {"waves", waves, 0.7, 0},
+    {"ellipse", ellipse, 1, TURNS},
+};
+enum { SOURCES = sizeof sources / sizeof *sources };
+
+static facet_slope_table *table_of(const struct source *s)
+{
+    static double log_d[TURNS * NODES];
+    facet_slope_table *table = NULL;
+    for (size_t k = 0; k < (s->turns ? s->turns : 1) * NODES; k++) {
+        double u = (double)(k % NODES) / (NODES - 1), r = u < 1 ? s->scale * u / (1 - u) : INFINITY;
+        log_d[k] = s->log_d(r, s->turns ? (double)(k / NODES) / (double)s->turns : 0);
+    }
+    facet_status status = s->turns ? facet_slope_table_create_turned(s->scale, log_d, NODES,
+                                                                     s->turns, &table)
+                                   : facet_slope_table_create(s->scale, log_d, NODES, &table);
+    CHECK_INT(status, FACET_OK);
+    return table;
+}
+
+struct pairs {
+    double v[6][PAIRS];
+};
+
+static facet_vec3_in in(const struct pairs *p, int first)
+{
+    return (facet_vec3_in){p->v[first], p->v[first + 1], p->v[first + 2]};
+}
+
+/* A material of the table, its directions in front of one over the azimuth (facet_table.h). */
+static facet_brdf *draw_surface(struct rng *rng, const struct source *source,
+                                const facet_slope_table *table, bool ordinary, struct pairs *p,
+                                facet_material *m)
+{
+    struct draw_domain domain = ordinary ? draw_ordinary : draw_everywhere;
+    *m = (facet_material){.ndf = FACET_TABULATED, .table = table};
+    if (source->turns) domain.slope_max = 0, domain.below = false, domain.cosine_min = 1e-6;
+    draw_roughness(rng, &domain, &m->roughness);
+    if (source->turns) m->roughness.slope_x = m->roughness.slope_y = 0;
+    draw_fresnel(rng, (facet_fresnel_kind)(rng_uniform(rng) * FACET_FRESNEL_COUNT), &m->fresnel);
+    m->masking = (facet_masking)(rng_uniform(rng) * FACET_MASKING_COUNT);
+    if (m->masking <= FACET_SMITH_UNCORRELATED && rng_uniform(rng) < 0.2) m->shear = FACET_THESIS;
+    for (int k = 0; k < PAIRS; k++) {
+        double wi[3], wo[3];
+        draw_pair(rng, &domain, m, wi, wo);
+        for (int j = 0; j < 3; j++) p->v[j][k] = wi[j], p->v[3 + j][k] = wo[j];
+    }
+    facet_brdf *brdf = NULL;
+    CHECK_INT(facet_brdf_create(m, &brdf), FACET_OK);
+    return brdf;
+}
+
+/* Room for all that may be asked: every quantity, then the pdf of two samplers. */
+enum { NDF_PDF = FACET_QUANTITY_COUNT, COSINE_PDF, ANSWERS };
+static const facet_sampler samplers[] = {FACET_SAMPLER_NDF, FACET_SAMPLER_COSINE};
+
+static void answer(const facet_brdf *brdf, facet_tier tier, const struct pairs *p,
+                   double y[ANSWERS][PAIRS])
+{
+    facet_outputs outputs;
+    memset(&outputs, 0, sizeof outputs);
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = y[q];
+    CHECK_INT(facet_eval(brdf, tier, in(p, 0), in(p, 3), PAIRS, &outputs), FACET_OK);
+    for (int s = 0; s < 2; s++)
+        CHECK_INT(facet_pdf(brdf, tier, samplers[s], in(p, 0), in(p, 3), PAIRS, y[NDF_PDF + s]),
+                  FACET_OK);
+}
+
+static bool bound_of(const facet_brdf *brdf, facet_tier tier, int q, double *bound)
+{
+    return q < FACET_QUANTITY_COUNT ? facet_bound(brdf, tier, (facet_quantity)q, 0, bound)
+                                    : facet_pdf_bound(brdf, tier, samplers[q - NDF_PDF], 0, bound);
+}
+
+static size_t compare(const facet_brdf *brdf, const struct source *source, const facet_material *m,
+                      facet_tier tier, const struct pairs *p)
+{
+    static double y[ANSWERS][PAIRS], x[ANSWERS][PAIRS];
+    size_t checked = 0;
+    double condition;
+    answer(brdf, tier, p, y);
+    answer(brdf, FACET_PRECISE, p, x);
+    CHECK_INT(facet_condition(brdf, in(p, 0), in(p, 3), PAIRS, &condition), FACET_OK);
+    for (int q = 0; q < ANSWERS; q++) {
+        double own, least;
+        if (!bound_of(brdf, tier, q, &own) || !bound_of(brdf, FACET_PRECISE, q, &least)) continue;
+        double bound = (own + least) *
+                       (q == FACET_FR || q == FACET_FR_COS || q == FACET_G ? condition : 1);
+        for (int k = 0; k < PAIRS && bound < 0.5; k++) {
+            if (x[q][k] > (tier < FACET_EXACT32 ? FLT_MAX : DBL_MAX) / 2) continue; /* saturates */
+            double error = fabs(y[q][k] - x[q][k]) / fmax(fabs(x[q][k]), FACET_FLOOR);
+            char name[48];
+            snprintf(name, sizeof name, "%s/%s", source->name, facet_tier_name(tier));
+            if (bound > 0) check_note(name, error / bound);
+            checked++;
+            if (!(error <= bound))
+                check_fail(
+                    __FILE__, __LINE__,
+                    "%s %s answer %d is %.17g, not %.17g: error %.3g, bound %.3g\n    %s\n    "
+                    "wi {%.17g, %.17g, %.17g} wo {%.17g, %.17g, %.17g}",
+                    source->name, facet_tier_name(tier), q, y[q][k], x[q][k], error, bound,
+                    draw_text(m), p->v[0][k], p->v[1][k], p->v[2][k], p->v[3][k], p->v[4][k],
+                    p->v[5][k]);
+        }
+    }
+    return checked;
+}
+
+TEST(bounds_of_tables_hold_in_every_tier)
+{
+    struct rng rng;
+    rng_seed(&rng, 71);
+    for (int s = 0; s < SOURCES; s++) {
+        facet_slope_table *table = table_of(&sources[s]);
+        size_t rounds = draw_count(150), checked[FACET_TIER_COUNT] = {0};
+        for (size_t n = 0; n < rounds && table; n++) {
+            struct pairs p;
+            facet_material m;
+            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, n % 3, &p, &m);
+            for (int t = FACET_DRAFT; t < FACET_PRECISE && brdf; t++)
+                checked[t] += compare(brdf, &sources[s], &m, (facet_tier)t, &p);
+            facet_brdf_destroy(brdf);
+        }
+        for (int t = FACET_DRAFT; t < FACET_PRECISE; t++)
+            if (checked[t] < 60 * rounds)
+                check_fail(__FILE__, __LINE__, "%s: %zu numbers in %zu rounds", sources[s].name,
+                           checked[t], rounds);
+        facet_slope_table_destroy(table);
+    }
+}
+
+/* Of H as a radial table says it (kernels.h), on a central surface. */
+static long double exact_d(const facet_slope_table *table, double alpha, const long double h[3])
+{
+    const struct kernel_cubic f = table->view.log_q;
+    long double b = table->view.slope_scale, flat2 = h[0] * h[0] + h[1] * h[1];
+    long double r = sqrtl(flat2) / alpha, hh = flat2 + h[2] * h[2],
+                x = r / (b * h[2] + r) * f.cells;
+    size_t i = x < f.cells ? (size_t)x : f.cells - 1;
+    const double *c = f.c + 4 * i;
+    long double t = x - i, near = b / (b * h[2] + r), n2 = near * near;
+    return hh * hh * n2 * n2 * expl(((c[3] * t + c[2]) * t + c[1]) * t + c[0]) /
+           ((long double)alpha * alpha);
+}
+
+TEST(precise_is_the_table)
+{
+    struct rng rng;
+    rng_seed(&rng, 72);
+    for (int s = 0; s < SOURCES && !sources[s].turns; s++) {
+        facet_slope_table *table = table_of(&sources[s]);
+        for (size_t n = draw_count(60); n-- && table;) {
+            static double y[PAIRS];
+            double bound;
+            struct pairs p;
+            facet_material m;
+            facet_outputs outputs;
+            facet_brdf *drawn = draw_surface(&rng, &sources[s], table, true, &p, &m), *brdf = NULL;
+            facet_brdf_destroy(drawn);
+            m.roughness = (facet_roughness){.alpha_x = m.roughness.alpha_x,
+                                            .alpha_y = m.roughness.alpha_x};
+            CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
+            memset(&outputs, 0, sizeof outputs);
+            outputs.of[FACET_D][0] = y;
+            CHECK(facet_bound(brdf, FACET_PRECISE, FACET_D, 0, &bound));
+            CHECK_INT(facet_eval(brdf, FACET_PRECISE, in(&p, 0), in(&p, 3), PAIRS, &outputs),
+                      FACET_OK);
+            for (int k = 0; k < PAIRS; k++) {
+                long double h[3];
+                for (int j = 0; j < 3; j++) h[j] = (long double)p.v[j][k] + p.v[3 + j][k];
+                long double size = sqrtl(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
+                if (!(size > 1e-6L)) continue;
+                for (int j = 0; j < 3; j++) h[j] /= size;
+                long double x = h[2] > 0 ? exact_d(table, m.roughness.alpha_x, h) : 0;
+                double error = (double)(fabsl(y[k] - x) / fmaxl(x, FACET_FLOOR));
+                check_note(sources[s].name, error / bound);
+                if (!(error <= bound))
+                    check_fail(__FILE__, __LINE__, "%s: D is %.17g, not %.17Lg, bound %.3g",
+                               sources[s].name, y[k], x, bound);
+            }
+            facet_brdf_destroy(brdf);
+        }
+        facet_slope_table_destroy(table);
+    }
+}
