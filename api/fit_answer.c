@@ -300,6 +300,8 @@ static const facet_fit_candidate *smallest(const facet_fit *fit, double toleranc
 /* Of the error of a Lambertian surface: what is left where a lobe is seen; where it may be chance. */
 #define SEEN 0.2
 #define CHANCE 0.9
+/* An error that is rounding alone, of which no share says anything. */
+#define EXACT 1e-9
 
 /*
  * A lobe that a Lambertian surface does as well without is the fit's invention: measurements that are
@@ -308,7 +310,7 @@ static const facet_fit_candidate *smallest(const facet_fit *fit, double toleranc
 static bool has_no_lobe(const facet_fit *fit, double tolerance)
 {
     double flat = fit->flat_rms, rms = best_of(fit)->error.rms_log;
-    return rms > CHANCE * flat ||
+    return flat <= EXACT || rms > CHANCE * flat ||
            (flat <= fmin(tolerance, FACET_FIT_TOLERANCE) && rms > SEEN * flat);
 }
 
