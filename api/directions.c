@@ -217,8 +217,9 @@ static bool normalise(const struct place *place, struct decoder *decoder, struct
         if (fabs(length - 1) <= exact_within) continue;
         if (!isfinite(length)) return api_problem_at(decoder->problem, &at, "is not finite");
         if (!(fabs(length - 1) <= unit_within))
-            return api_problem_at(decoder->problem, &at, "has length %.9g, must have length 1",
-                                  length);
+            return api_problem_at(decoder->problem, &at,
+                                  "has length %.9g, must have length 1 within %g", length,
+                                  unit_within);
         for (int k = 0; k < 3; k++) v[k] /= length;
         plan->input_error = normalised_error;
     }

@@ -297,12 +297,36 @@ static const facet_fit_candidate *smallest(const facet_fit *fit, double toleranc
     return best_of(fit);
 }
 
+/* Of the error of a Lambertian surface: what is left where a lobe is seen; where it may be chance. */
+#define SEEN 0.2
+#define CHANCE 0.9
+/* An error that is rounding alone, of which no share says anything. */
+#define EXACT 1e-9
+
+/*
+ * A lobe that a Lambertian surface does as well without is the fit's invention: measurements that are
+ * diffuse, or so dark that all is below epsilon, are met by any narrow enough.
+ */
+static bool has_no_lobe(const facet_fit *fit, double tolerance)
+{
+    double flat = fit->flat_rms, rms = best_of(fit)->error.rms_log;
+    return flat <= EXACT || rms > CHANCE * flat ||
+           (flat <= fmin(tolerance, FACET_FIT_TOLERANCE) && rms > SEEN * flat);
+}
+
 /* Empty: it fits. */
-static void judge(const facet_fit *fit, const char *asked, char *why, size_t room)
+static void judge(const facet_fit *fit, double tolerance, bool measured, const char *asked,
+                  char *why, size_t room)
 {
     double rms = best_of(fit)->error.rms_log;
     why[0] = 0;
-    if (rms > FACET_FIT_RMS_MAX)
+    if (measured && rms <= FACET_FIT_RMS_MAX && has_no_lobe(fit, tolerance))
+        snprintf(
+            why, room,
+            "nothing here tells a lobe: {\"ndf\":\"lambert\",\"reflectance\":[%.3g,%.3g,%.3g]} "
+            "is off by rms_log %.3g, the closest candidate by %.3g",
+            fit->flat_kd[0], fit->flat_kd[1], fit->flat_kd[2], fit->flat_rms, rms);
+    else if (rms > FACET_FIT_RMS_MAX)
         snprintf(
             why, room,
             "the closest of %zu %s%scandidates is off by rms_log %.3g, %.3g is the most that is "
@@ -337,7 +361,7 @@ bool api_fit_answer(struct call *call, const facet_fit *fit, double tolerance, c
     out->pairs = (int64_t)fit->pairs;
     out->epsilon = FACET_FIT_EPSILON;
     if (!list_candidates(call, fit, &out->candidates)) return false;
-    judge(fit, asked, why, sizeof why);
+    judge(fit, tolerance, out->data != NULL, asked, why, sizeof why);
     if (*why && !*asked) return refuse(call, fit, why);
     out->fits = !*why;
     if (*why && !(out->fits_why = api_arena_text(call->arena, why, strlen(why))))

@@ -122,12 +122,12 @@ static bool set_roughness(const struct process *p, double rounds, const struct p
             c->xy, c->yy);
     facet_status status = facet_roughness_from_covariance(c, p->x, p->y, &surface->facet.roughness);
     if (status == FACET_BAD_MEAN_SLOPE)
-        return api_problem_at(decoder->problem, at, "the mean slope [%.6g, %.6g] is out of range",
-                              p->x, p->y);
+        return api_problem_at(decoder->problem, at, "the mean slope is [%.6g, %.6g]: %s", p->x,
+                              p->y, facet_status_text(status));
     if (status)
-        return api_problem_at(decoder->problem, at,
-                              "alpha_x %.6g, alpha_y %.6g, rho %.6g are out of range",
-                              sqrt(2 * c->xx), sqrt(2 * c->yy), c->xy / sqrt(c->xx) / sqrt(c->yy));
+        return api_problem_at(decoder->problem, at, "alpha_x %.6g, alpha_y %.6g, rho %.17g: %s",
+                              sqrt(2 * c->xx), sqrt(2 * c->yy), c->xy / sqrt(c->xx) / sqrt(c->yy),
+                              facet_status_text(status));
     surface->parameter_error += api_rounding_error(FACET_BECKMANN);
     if (rounds == 0) return true;
     const double spread = (s->xx * c->yy + s->yy * c->xx + 2 * s->xy * fabs(c->xy)) / det;

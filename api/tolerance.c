@@ -78,6 +78,30 @@ void api_promise_fewer_digits(const struct tolerance_request *request, struct pr
     promise->bound = printed_at(promise->arithmetic, tolerance, promise->digits);
 }
 
+static bool refuse(struct problem *problem, const struct place *at,
+                   const struct tolerance_request *request, double best)
+{
+    char asked[NUMBER_ROOM], there[NUMBER_ROOM];
+    api_number_print(asked, tolerance_of(request));
+    api_number_print(there, best);
+    if (request->tier < 0)
+        return api_problem_at(problem, at,
+                              "%s cannot be promised for this request; the best bound is %s", asked,
+                              there);
+    return api_problem_at(
+        problem, at, "\"%s\" cannot promise the tolerance %s for this request; its bound is %s",
+        api_tier_names[request->tier], asked, there);
+}
+
+/* By any tier. */
+static bool is_promised(bound_fn *bound_of, const void *asked)
+{
+    double bound;
+    for (int tier = 0; tier < FACET_TIER_COUNT; tier++)
+        if (bound_of(asked, (facet_tier)tier, &bound) && bound < 1) return true;
+    return false;
+}
+
 bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, const void *asked,
                  const char *obstacle, struct problem *problem, struct promise *promise)
 {
@@ -94,15 +118,13 @@ bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, co
         if (promise->bound <= tolerance) return true;
         if (promise->bound < best) best = promise->bound;
     }
-    if (best < 1)
-        return api_problem_at(problem, &at,
-                              "%.3g cannot be promised for this request; the best bound is %.3g",
-                              tolerance, best);
-    if (forced)
-        return api_problem_at(
-            problem, &at,
-            "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
-            "that does is taken (/v1/capabilities: where each holds)",
-            api_tier_names[request->tier]);
-    return api_problem_at(problem, &at, "no bound can be promised for this request: %s", obstacle);
+    if (best < 1) return refuse(problem, &at, request, best);
+    if (!forced || !is_promised(bound_of, asked))
+        return api_problem_at(problem, &at, "no bound can be promised for this request: %s",
+                              obstacle);
+    return api_problem_at(
+        problem, &at,
+        "\"%s\" promises nothing for this material and these outputs; without \"tier\" one "
+        "that does is taken (/v1/capabilities: where each holds)",
+        api_tier_names[request->tier]);
 }

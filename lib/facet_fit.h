@@ -132,6 +132,7 @@ typedef struct facet_fit {
     double table_scale;  /* of the slope tables: tan theta at u = 1/2 */
     size_t pairs;        /* that the errors were taken over */
     double flat_rms;     /* rms_log of the best Lambertian surface: what a fit must explain */
+    double flat_kd[3];   /* its reflectance */
     double hot_spot;     /* mean log of backscatter over the best candidate's, from 15 to 70 degrees
                            off the normal; of samples, those within 6 degrees of it; NAN: not known */
     void *owned;

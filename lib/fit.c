@@ -184,7 +184,7 @@ static void finish(struct fit_work *work)
     for (size_t i = 1; i < fit->count; i++)
         if (fit->candidate[i].error.rms_log < best->error.rms_log) best = &fit->candidate[i];
     fit->pairs = work->errors.count;
-    fit->flat_rms = facet_fit_flat_rms(&work->errors);
+    fit->flat_rms = facet_fit_flat_rms(&work->errors, fit->flat_kd);
     work->status = facet_fit_hot_spot(&work->backscatter, best, &fit->hot_spot);
     for (size_t i = 0; work->source->samples && i < fit->count; i++) /* near backscatter only */
         fit->candidate[i].error.backscatter_max = NAN;

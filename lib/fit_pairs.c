@@ -354,19 +354,33 @@ double facet_fit_residual(const struct fit_pairs *pairs, const double kd[3],
 
 /* ---- Errors ---------------------------------------------------------------------------- */
 
-double facet_fit_flat_rms(const struct fit_pairs *pairs)
+/* One channel: Gauss-Newton in kd, which is unimodal. */
+static double flat_square(const struct fit_pairs *pairs, const double *log_fr, double *kd)
+{
+    enum { STEPS = 12 };
+    double square = 0;
+    *kd = 0.5;
+    for (int step = 0; step <= STEPS; step++) {
+        double slope = 0, bend = 0;
+        square = 0;
+        for (size_t i = 0; i < pairs->count; i++) {
+            double g = pairs->wi[2][i] / FACET_PI, y = FACET_FIT_EPSILON + *kd * g;
+            double d = log_fr[i] - log(y), j = g / y;
+            square += d * d;
+            slope += j * d;
+            bend += j * j;
+        }
+        if (step == STEPS || !(bend > 0)) break;
+        /* The residual is concave in kd: not down by more than 10 in a step. */
+        *kd = fmin(fmax(*kd + slope / bend, 0.1 * *kd), 1);
+    }
+    return square;
+}
+
+double facet_fit_flat_rms(const struct fit_pairs *pairs, double kd[3])
 {
     double sum = 0;
-    for (size_t c = 0; c < 3; c++) {
-        double mean = 0, square = 0;
-        for (size_t i = 0; i < pairs->count; i++) {
-            double d = pairs->log_fr[c][i] - log(FACET_FIT_EPSILON + pairs->wi[2][i] / FACET_PI);
-            double step = d - mean;
-            mean += step / (double)(i + 1);
-            square += step * (d - mean);
-        }
-        sum += square;
-    }
+    for (size_t c = 0; c < 3; c++) sum += flat_square(pairs, pairs->log_fr[c], &kd[c]);
     return sqrt(sum / (3 * (double)pairs->count));
 }
 

@@ -66,8 +66,8 @@ bool facet_fit_fresnel_table(const struct fit_pairs *pairs, const double kd[3],
 double facet_fit_residual(const struct fit_pairs *pairs, const double kd[3],
                           double *const values[3]);
 
-/* rms_log of the best Lambertian surface. */
-double facet_fit_flat_rms(const struct fit_pairs *pairs);
+/* rms_log of the best Lambertian surface, whose reflectance is kd. */
+double facet_fit_flat_rms(const struct fit_pairs *pairs, double kd[3]);
 
 /* facet_fit_error of a whole candidate; backscatter may hold no pairs. */
 facet_status facet_fit_error_of(const struct fit_pairs *pairs, const struct fit_pairs *backscatter,
