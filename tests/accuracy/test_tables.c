@@ -209,6 +209,51 @@ TEST(bounds_of_tables_hold_in_every_tier)
     }
 }
 
+/* Components handed over with an absolute error, as test_bounds.c has it. */
+TEST(bounds_of_tables_hold_for_computed_directions)
+{
+    static double y[ANSWERS][PAIRS], x[ANSWERS][PAIRS];
+    struct rng rng;
+    size_t checked = 0, rounds = draw_count(40);
+    rng_seed(&rng, 74);
+    for (int s = 0; s < SOURCES; s++) {
+        facet_slope_table *table = table_of(&sources[s]);
+        for (size_t n = 0; n < rounds && table; n++) {
+            struct pairs p, rounded;
+            facet_material m;
+            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            facet_tier tier = (facet_tier)(n % FACET_TIER_COUNT);
+            double error = rng_log(&rng, 1e-16, 1e-6);
+            for (int k = 0; k < 6 * PAIRS; k++)
+                rounded.v[k / PAIRS][k % PAIRS] = p.v[k / PAIRS][k % PAIRS] +
+                                                  error * (2 * rng_uniform(&rng) - 1);
+            answer(brdf, FACET_PRECISE, &p, x);
+            answer(brdf, tier, &rounded, y);
+            for (int k = 0; k < PAIRS && m.shear != FACET_THESIS; k++) {
+                const double(*v)[PAIRS] = (const double(*)[PAIRS])rounded.v;
+                double close = facet_closeness(brdf, (facet_vec3_in){&v[0][k], &v[1][k], &v[2][k]},
+                                               (facet_vec3_in){&v[3][k], &v[4][k], &v[5][k]}, 1,
+                                               false);
+                for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+                    double bound, off = fabs(y[q][k] - x[q][k]) / fmax(x[q][k], FACET_FLOOR);
+                    if (!facet_bound(brdf, tier, (facet_quantity)q, error * close, &bound) ||
+                        bound > 0.1 || x[q][k] > FLT_MAX / 2)
+                        continue;
+                    checked++;
+                    if (bound > 0) check_note(sources[s].name, off / bound);
+                    if (!(off <= 2 * bound)) /* precise has its own */
+                        check_fail(__FILE__, __LINE__, "%s %s %d: %.17g, not %.17g, bound %.3g: %s",
+                                   sources[s].name, facet_tier_name(tier), q, y[q][k], x[q][k],
+                                   bound, draw_text(&m));
+                }
+            }
+            facet_brdf_destroy(brdf);
+        }
+        facet_slope_table_destroy(table);
+    }
+    CHECK(checked > 50 * rounds * SOURCES);
+}
+
 /* Weight times pdf is fr cos of the direction handed out, which is rounded to doubles. */
 static void check_samples(const facet_brdf *brdf, const char *name, facet_tier tier,
                           facet_sampler sampler, const struct pairs *p, const double u[2][PAIRS])
