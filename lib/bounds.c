@@ -81,12 +81,22 @@ static double form_rounding(facet_tier tier)
  * forms: alpha_1/alpha_2 by correlation, |mean slope| max(1, alpha_1)/alpha_2 by
  * shear, with alpha_2 the minor radius.
  */
-static double form_condition(const facet_brdf *b)
+struct conditions {
+    double correlation, shear;
+};
+
+static struct conditions form_conditions(const facet_brdf *b)
 {
-    if (b->shape == KERNEL_ISO) return 0;
+    if (b->shape == KERNEL_ISO) return (struct conditions){0, 0};
     facet_ellipse e = facet_roughness_to_ellipse(&b->material.roughness);
     double lean = fabs(b->surface.slope_x) + fabs(b->surface.slope_y);
-    return (e.alpha_1 + lean * fmax(1, e.alpha_1)) / e.alpha_2;
+    return (struct conditions){e.alpha_1 / e.alpha_2, lean * fmax(1, e.alpha_1) / e.alpha_2};
+}
+
+static double form_condition(const facet_brdf *b)
+{
+    struct conditions c = form_conditions(b);
+    return c.correlation + c.shear;
 }
 
 /*
@@ -211,7 +221,11 @@ static bool may_be_behind(const facet_brdf *b, facet_quantity quantity)
 static double table_rounding(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
 {
     const facet_slope_table *table = b->material.table;
-    if (tier >= FACET_EXACT32) return 16 * arithmetic_of(tier) * table->gain;
+    if (tier >= FACET_EXACT32) {
+        struct slope_reach psi = may_be_behind(b, quantity) ? table->far_behind : table->psi;
+        double sigma = quantity == FACET_D ? 0 : psi.gain + psi.rise;
+        return 8 * arithmetic_of(tier) * (table->gain + table->q.rise + 2 * sigma);
+    }
     double q = 6 * table->q.gain + 3 * table->q.size,
            psi = 6 * table->psi.gain + 3 * table->psi.size,
            behind = 6 * table->behind.gain + 3 * table->behind.size;
@@ -235,14 +249,21 @@ static double table_error(const facet_brdf *b, facet_tier tier, facet_quantity q
     return rounding + fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
 }
 
-static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
+/* d log D by the slope itself, which shear and rounded components move by so much and not by a share: a table is as narrow as its scale. */
+static double shear_gain(const facet_brdf *b)
 {
     double gain = slope_gain(b);
+    return b->material.ndf == FACET_TABULATED ? fmax(gain, 2 * b->material.table->q.steep) : gain;
+}
+
+static double surface_bound(const facet_brdf *b, facet_tier tier, double base, double input_error)
+{
+    struct conditions forms = form_conditions(b);
+    double grown = slope_gain(b) * forms.correlation + shear_gain(b) * forms.shear;
     /* In precise what the map adds is in the rows. */
     double general = b->shape == KERNEL_ISO || tier == FACET_PRECISE ? 1 : 2;
-    return base * general + gain * form_rounding(tier) * form_condition(b) +
-           exponent_error(b, tier) +
-           (input_error > 0 ? gain * input_error * input_condition(b) : 0);
+    return base * general + form_rounding(tier) * grown + exponent_error(b, tier) +
+           (input_error > 0 ? shear_gain(b) * input_error * input_condition(b) : 0);
 }
 
 /* The rows have one sigma of a sheared surface; the uncorrelated forms divide by two. */

@@ -16,6 +16,9 @@
 #define PSI_CELLS_MAX 2048
 #define SIGMA_ERROR 2e-10
 #define PSI_ERROR 2.5e-7
+/* A table is normalised to this, in so many passes at most. */
+#define MASS_ERROR 1e-13
+#define PASSES_MAX 3
 
 /* ---- sigma ---------------------------------------------------------------------------- */
 
@@ -153,13 +156,14 @@ static facet_status fill(facet_slope_table *table, const double *log_d, size_t n
     facet_slope_start_nodes(table->view.slope_scale, log_d, n, 1, y);
     size_t parts = facet_slope_parts(y, n), cells = (n - 1) * parts;
     table->view.log_q = (struct kernel_cubic){c, cells};
-    for (int pass = 0; pass < 2; pass++) { /* pass 0 finds the norm */
+    for (int pass = 0;; pass++) { /* pass 0 finds the norm */
         facet_slope_spline(y, n, parts, &first, c, rest);
         facet_status status = facet_slope_pieces_create(table->view.slope_scale, table->view.log_q,
                                                         pieces);
         if (status != FACET_OK) return status;
-        if (pass == 1) break;
         double norm = pieces->piece[0].mass;
+        /* Nodes of 0 stay: what falls to them has changed, by much less each time. */
+        if (pass == PASSES_MAX || (pass > 0 && fabs(norm - 1) <= MASS_ERROR)) break;
         facet_slope_pieces_clear(pieces);
         if (!facet_slope_normalise(norm, y, n)) return FACET_BAD_TABLE;
     }

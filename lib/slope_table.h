@@ -11,10 +11,12 @@
 
 /*
  * Of logarithms where they count: what rounding of them and of u costs.  Their largest size, their largest value, and
- * the largest derivative by log u or log(1 - u), whichever is nearer its 0, and by the azimuth in units of pi.
+ * the largest derivative by log u or log(1 - u), whichever is nearer its 0, and by the azimuth in units of pi, the
+ * same by log u alone, which is what double tiers have;
+ * of log_q also that of log P by a slope: what an absolute error of standard slopes costs.
  */
 struct slope_reach {
-    double size, most, gain;
+    double size, most, gain, rise, steep;
 };
 
 /*
@@ -28,8 +30,10 @@ struct facet_slope_table {
     double sigma_error;         /* of sigma(k), relative, c >= 0 */
     double psi_error;           /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
     double gain; /* largest derivative of log D by log tan theta or the azimuth, where D counts */
-    struct slope_reach q, psi, behind; /* psi beside c > 0, and all there is of sigma behind */
-    double quantile_gain;              /* slope_quantile.h */
+    struct slope_reach q, psi; /* psi beside c > 0 */
+    struct slope_reach behind,
+        far_behind;       /* psi as all there is of sigma: what floats hold, and all */
+    double quantile_gain; /* slope_quantile.h */
     /* Of a table that is not radial, whose pieces are empty: */
     _Atomic(struct slope_rays *) rays; /* for sampling; NULL until it is asked for */
     double coefficients[];             /* of log_q, then of log_psi */
@@ -43,7 +47,7 @@ static inline bool facet_slope_table_is_turned(const struct kernel_table *view)
 /* What sampling needs of a table that is not radial; NULL: out of memory. */
 const struct slope_rays *facet_slope_table_rays(const facet_slope_table *table);
 
-/* Fills in q, psi, behind, view.behind_most, and gain where it is radial, of a table that is otherwise made. */
+/* Fills in q, psi, behind, far_behind, view.behind_most, and gain where it is radial, of a table that is otherwise made. */
 void facet_slope_table_measure(facet_slope_table *table);
 
 /* Whether view.floats is there, made now or before; false: out of memory. */

@@ -19,13 +19,22 @@
 
 /* ---- What floats lose ----------------------------------------------------------------------- */
 
-/* A logarithm at u and its derivatives; share: what part of the result it is of. */
-static void reach_to(struct slope_reach *reach, double u, double y, double per_u, double per_turn,
-                     double share)
+/* A logarithm at u of a table of that scale, and its derivatives by u and by the azimuth. */
+struct look {
+    double scale, u, y, per_u, per_turn;
+};
+
+/* share: what part of the result it is of. */
+static void reach_to(struct slope_reach *reach, struct look l, double share)
 {
-    reach->size = fmax(reach->size, share * fabs(y));
-    reach->gain = fmax(reach->gain, share * (fabs(per_u) * fmin(u, 1 - u) + fabs(per_turn)));
-    reach->most = fmax(reach->most, y);
+    double u = l.u, rest = 1 - u;
+    reach->size = fmax(reach->size, share * fabs(l.y));
+    reach->gain = fmax(reach->gain, share * (fabs(l.per_u) * fmin(u, rest) + fabs(l.per_turn)));
+    reach->rise = fmax(reach->rise, share * (fabs(l.per_u) * u + fabs(l.per_turn)));
+    reach->most = fmax(reach->most, l.y);
+    /* Of log P, P = exp(log_q) (1 - u)^4: du = (1 - u)^2 dr/scale, and along the azimuth r dturn. */
+    double across = u > 0 ? fabs(l.per_turn) / FACET_PI * rest / u : 0;
+    reach->steep = fmax(reach->steep, (fabs(l.per_u * rest - 4) * rest + across) / l.scale);
 }
 
 /* Of sigma = |c| + S w exp(log_psi), w = S/(S + |c|). */
@@ -38,55 +47,69 @@ static double excess_share(double w, double y)
 /* Of a cell; more of one that falls to nothing. */
 enum { STEPS = 4, STEPS_FALLING = 64 };
 
-/* Whether it is all above `least`. */
-static bool walk(const struct kernel_cubic *f, size_t i, int steps, double least, bool is_shared,
-                 struct slope_reach *reach)
+/* Cubics of a table, and what is looked for: down to `least`, as its part of sigma or by itself. */
+struct walk {
+    struct kernel_cubic f;
+    double scale, least;
+    bool is_shared;
+    struct slope_reach *reach;
+};
+
+/* How many places are above `least`. */
+static int walk_steps(const struct walk *w, size_t i, int steps)
 {
-    const double *c = f->c + 4 * i;
-    bool whole = true;
+    const double *c = w->f.c + 4 * i, cells = (double)w->f.cells;
+    int above = 0;
     for (int k = 0; k <= steps; k++) {
-        double t = (double)k / steps, u = ((double)i + t) / (double)f->cells;
-        double y = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
-        double per_u = (c[1] + t * (2 * c[2] + t * 3 * c[3])) * (double)f->cells;
-        if (y < least)
-            whole = false;
-        else
-            reach_to(reach, u, y, per_u, 0, is_shared ? excess_share(u, y) : 1);
+        double t = (double)k / steps;
+        struct look l = {w->scale, ((double)i + t) / cells,
+                         c[0] + t * (c[1] + t * (c[2] + t * c[3])),
+                         (c[1] + t * (2 * c[2] + t * 3 * c[3])) * cells, 0};
+        if (l.y < w->least) continue;
+        reach_to(w->reach, l, w->is_shared ? excess_share(l.u, l.y) : 1);
+        above++;
     }
+    return above;
+}
+
+/* Whether it is all above. */
+static bool walk_cell(const struct walk *w, size_t i)
+{
+    int above = walk_steps(w, i, STEPS);
+    bool whole = above == STEPS + 1;
+    if (above && !whole) walk_steps(w, i, STEPS_FALLING);
     return whole;
 }
 
-static bool walk_cell(const struct kernel_cubic *f, size_t i, double least, bool is_shared,
-                      struct slope_reach *reach)
+static void walk_all(const struct walk *w)
 {
-    bool whole = walk(f, i, STEPS, least, is_shared, reach);
-    if (!whole) walk(f, i, STEPS_FALLING, least, is_shared, reach);
-    return whole;
+    for (size_t i = 0; i < w->f.cells; i++) walk_cell(w, i);
 }
 
 static void measure_radial(facet_slope_table *table)
 {
-    struct kernel_cubic q = table->view.log_q, psi = table->view.log_psi;
-    for (size_t i = 0; i < q.cells; i++) walk_cell(&q, i, LOG_Q_FAINT, false, &table->q);
+    double b = table->view.slope_scale;
+    struct kernel_cubic psi = table->view.log_psi;
+    walk_all(&(struct walk){table->view.log_q, b, LOG_Q_FAINT, false, &table->q});
+    walk_all(&(struct walk){psi, b, KERNEL_LOG_ZERO, true, &table->psi});
     /* D = P (1 + r^2)^2, P = exp(log_q) (1 - u)^4, and d u/d log r = u (1 - u). */
     table->gain = 4 + table->q.gain;
-    for (size_t i = 0; i < psi.cells; i++) walk_cell(&psi, i, KERNEL_LOG_ZERO, true, &table->psi);
+    walk_all(&(struct walk){psi, b, log(FACET_FLOOR), false, &table->far_behind});
+    const struct walk behind = {psi, b, LOG_PSI_BEHIND, false, &table->behind};
     size_t first = psi.cells;
-    while (first > 0 && walk_cell(&psi, first - 1, LOG_PSI_BEHIND, false, &table->behind)) first--;
+    while (first > 0 && walk_cell(&behind, first - 1)) first--;
     double w = (double)first / (double)psi.cells;
-    table->view.behind_most = w > 0 ? fmin(table->view.slope_scale * (1 - w) / w, BEHIND_ALL)
-                                    : BEHIND_ALL;
+    table->view.behind_most = w > 0 ? fmin(b * (1 - w) / w, BEHIND_ALL) : BEHIND_ALL;
 }
 
 /* At the corner of every patch: its sheets are smooth. */
-static void measure_sheet(const struct kernel_sheet *f, double least, bool is_psi,
+static void measure_sheet(const struct kernel_sheet *f, double scale, double least, bool is_psi,
                           struct slope_reach *reach)
 {
     for (size_t k = 0; k < f->cells * f->turns; k++) {
         const double *c = f->c + 16 * k, u = (double)(k % f->cells) / (double)f->cells;
-        if (c[0] >= least)
-            reach_to(reach, u, c[0], c[1] * (double)f->cells, c[4] * (double)f->turns,
-                     is_psi ? excess_share(1 - u, c[0]) : 1);
+        struct look l = {scale, u, c[0], c[1] * (double)f->cells, c[4] * (double)f->turns};
+        if (l.y >= least) reach_to(reach, l, is_psi ? excess_share(1 - u, l.y) : 1);
     }
 }
 
@@ -96,8 +119,9 @@ void facet_slope_table_measure(facet_slope_table *table)
         measure_radial(table);
         return;
     }
-    measure_sheet(&table->view.turned_q, LOG_Q_FAINT, false, &table->q);
-    measure_sheet(&table->view.turned_psi, KERNEL_LOG_ZERO, true, &table->psi);
+    measure_sheet(&table->view.turned_q, table->view.slope_scale, LOG_Q_FAINT, false, &table->q);
+    measure_sheet(&table->view.turned_psi, table->view.slope_scale, KERNEL_LOG_ZERO, true,
+                  &table->psi);
 }
 
 /* ---- In floats ------------------------------------------------------------------------------ */

@@ -263,7 +263,7 @@ INLINE void put_in_memory(lane_index i, int32_t at[LANES])
     __asm__("" : "+m"(*(int32_t(*)[LANES])at));
 }
 
-/* Four neighbours in memory of every lane: c[at + j] in of[j].  Whole loads and a transposition: gathers are slower. */
+/* Four neighbours in memory of every lane: c[at + j] in of[j].  Whole loads and a transposition: with gathers fr takes 8.1 ns for 4.6 (Zen 4). */
 struct fours {
     real of[4];
 };

@@ -47,9 +47,9 @@ static const struct source {
     double scale;
     size_t turns; /* 0: radial */
 } sources[] = {
-    {"flat", flat, 1, 0},           {"steep", steep, 1, 0}, {"ends", ends, 1, 0},
-    {"narrow", flat, 0.01, 0},      {"wide", steep, 30, 0}, {"waves", waves, 0.7, 0},
-    {"ellipse", ellipse, 1, TURNS},
+    {"flat", flat, 1, 0},    {"steep", steep, 1, 0},    {"ends", ends, 1, 0},
+    {"waves", waves, .7, 0}, {"narrow", flat, 0.01, 0}, {"wide", steep, 30, 0},
+    {"tiny", flat, 1e-8, 0}, {"widest", steep, 1e4, 0}, {"ellipse", ellipse, 1, TURNS},
 };
 enum { SOURCES = sizeof sources / sizeof *sources };
 
@@ -116,28 +116,55 @@ static void answer(const facet_brdf *brdf, facet_tier tier, const struct pairs *
                   FACET_OK);
 }
 
-static bool bound_of(const facet_brdf *brdf, facet_tier tier, int q, double *bound)
+/* The same in arrays of floats. */
+static void answer_floats(const facet_brdf *brdf, facet_tier tier, const struct pairs *p,
+                          double y[ANSWERS][PAIRS])
 {
+    static float f[6][PAIRS], out[ANSWERS][PAIRS];
+    facet_vec3_in_float wi = {f[0], f[1], f[2]}, wo = {f[3], f[4], f[5]};
+    facet_outputs_float outputs;
+    memset(&outputs, 0, sizeof outputs);
+    for (int j = 0; j < 6; j++)
+        for (int k = 0; k < PAIRS; k++) f[j][k] = (float)p->v[j][k];
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) outputs.of[q][0] = out[q];
+    CHECK_INT(facet_eval_float(brdf, tier, wi, wo, PAIRS, &outputs), FACET_OK);
+    for (int s = 0; s < 2; s++)
+        CHECK_INT(facet_pdf_float(brdf, tier, samplers[s], wi, wo, PAIRS, out[NDF_PDF + s]),
+                  FACET_OK);
+    for (int q = 0; q < ANSWERS; q++)
+        for (int k = 0; k < PAIRS; k++) y[q][k] = out[q][k];
+}
+
+static bool bound_of(const facet_brdf *brdf, facet_tier tier, bool floats, int q, double *bound)
+{
+    if (floats)
+        return q < FACET_QUANTITY_COUNT
+                   ? facet_bound_float(brdf, tier, (facet_quantity)q, 0, bound)
+                   : facet_pdf_bound_float(brdf, tier, samplers[q - NDF_PDF], 0, bound);
     return q < FACET_QUANTITY_COUNT ? facet_bound(brdf, tier, (facet_quantity)q, 0, bound)
                                     : facet_pdf_bound(brdf, tier, samplers[q - NDF_PDF], 0, bound);
 }
 
 static size_t compare(const facet_brdf *brdf, const struct source *source, const facet_material *m,
-                      facet_tier tier, const struct pairs *p)
+                      facet_tier tier, const struct pairs *p, bool floats)
 {
     static double y[ANSWERS][PAIRS], x[ANSWERS][PAIRS];
     size_t checked = 0;
     double condition;
-    answer(brdf, tier, p, y);
+    floats ? answer_floats(brdf, tier, p, y) : answer(brdf, tier, p, y);
     answer(brdf, FACET_PRECISE, p, x);
     CHECK_INT(facet_condition(brdf, in(p, 0), in(p, 3), PAIRS, &condition), FACET_OK);
     for (int q = 0; q < ANSWERS; q++) {
         double own, least;
-        if (!bound_of(brdf, tier, q, &own) || !bound_of(brdf, FACET_PRECISE, q, &least)) continue;
+        for (int k = 0; k < PAIRS; k++) CHECK(y[q][k] >= 0 && y[q][k] <= DBL_MAX);
+        if (!bound_of(brdf, tier, floats, q, &own) ||
+            !bound_of(brdf, FACET_PRECISE, false, q, &least))
+            continue;
         double bound = (own + least) *
                        (q == FACET_FR || q == FACET_FR_COS || q == FACET_G ? condition : 1);
         for (int k = 0; k < PAIRS && bound < 0.5; k++) {
-            if (x[q][k] > (tier < FACET_EXACT32 ? FLT_MAX : DBL_MAX) / 2) continue; /* saturates */
+            if (x[q][k] > (tier < FACET_EXACT32 || floats ? FLT_MAX : DBL_MAX) / 2)
+                continue; /* saturates */
             double error = fabs(y[q][k] - x[q][k]) / fmax(fabs(x[q][k]), FACET_FLOOR);
             char name[48];
             snprintf(name, sizeof name, "%s/%s", source->name, facet_tier_name(tier));
@@ -167,14 +194,114 @@ TEST(bounds_of_tables_hold_in_every_tier)
             struct pairs p;
             facet_material m;
             facet_brdf *brdf = draw_surface(&rng, &sources[s], table, n % 3, &p, &m);
+            bool floats = n & 1;
+            for (int j = 0; j < 6 && floats; j++)
+                for (int k = 0; k < PAIRS; k++) p.v[j][k] = (float)p.v[j][k];
             for (int t = FACET_DRAFT; t < FACET_PRECISE && brdf; t++)
-                checked[t] += compare(brdf, &sources[s], &m, (facet_tier)t, &p);
+                checked[t] += compare(brdf, &sources[s], &m, (facet_tier)t, &p, floats);
             facet_brdf_destroy(brdf);
         }
         for (int t = FACET_DRAFT; t < FACET_PRECISE; t++)
-            if (checked[t] < 60 * rounds)
+            if (checked[t] < 60 * rounds && (t == FACET_EXACT32 || fabs(log(sources[s].scale)) < 4))
                 check_fail(__FILE__, __LINE__, "%s: %zu numbers in %zu rounds", sources[s].name,
                            checked[t], rounds);
+        facet_slope_table_destroy(table);
+    }
+}
+
+/* Components handed over with an absolute error, as test_bounds.c has it. */
+TEST(bounds_of_tables_hold_for_computed_directions)
+{
+    static double y[ANSWERS][PAIRS], x[ANSWERS][PAIRS];
+    struct rng rng;
+    size_t checked = 0, rounds = draw_count(40);
+    rng_seed(&rng, 74);
+    for (int s = 0; s < SOURCES; s++) {
+        facet_slope_table *table = table_of(&sources[s]);
+        for (size_t n = 0; n < rounds && table; n++) {
+            struct pairs p, rounded;
+            facet_material m;
+            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            facet_tier tier = (facet_tier)(n % FACET_TIER_COUNT);
+            double error = rng_log(&rng, 1e-16, 1e-6);
+            for (int k = 0; k < 6 * PAIRS; k++)
+                rounded.v[k / PAIRS][k % PAIRS] = p.v[k / PAIRS][k % PAIRS] +
+                                                  error * (2 * rng_uniform(&rng) - 1);
+            answer(brdf, FACET_PRECISE, &p, x);
+            answer(brdf, tier, &rounded, y);
+            for (int k = 0; k < PAIRS && m.shear != FACET_THESIS; k++) {
+                const double(*v)[PAIRS] = (const double(*)[PAIRS])rounded.v;
+                double close = facet_closeness(brdf, (facet_vec3_in){&v[0][k], &v[1][k], &v[2][k]},
+                                               (facet_vec3_in){&v[3][k], &v[4][k], &v[5][k]}, 1,
+                                               false);
+                for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+                    double bound, off = fabs(y[q][k] - x[q][k]) / fmax(x[q][k], FACET_FLOOR);
+                    if (!facet_bound(brdf, tier, (facet_quantity)q, error * close, &bound) ||
+                        bound > 0.1 || x[q][k] > FLT_MAX / 2)
+                        continue;
+                    checked++;
+                    if (bound > 0) check_note(sources[s].name, off / bound);
+                    if (!(off <= 2 * bound)) /* precise has its own */
+                        check_fail(__FILE__, __LINE__, "%s %s %d: %.17g, not %.17g, bound %.3g: %s",
+                                   sources[s].name, facet_tier_name(tier), q, y[q][k], x[q][k],
+                                   bound, draw_text(&m));
+                }
+            }
+            facet_brdf_destroy(brdf);
+        }
+        facet_slope_table_destroy(table);
+    }
+    CHECK(checked > 50 * rounds * SOURCES);
+}
+
+/* Weight times pdf is fr cos of the direction handed out, which is rounded to doubles. */
+static void check_samples(const facet_brdf *brdf, const char *name, facet_tier tier,
+                          facet_sampler sampler, const struct pairs *p, const double u[2][PAIRS])
+{
+    static double wi[3][PAIRS], pdf[PAIRS], weight[PAIRS], x[PAIRS];
+    facet_samples out = {.wi = {wi[0], wi[1], wi[2]}, .pdf = pdf, .weight = {weight}};
+    facet_outputs outputs = {.of = {[FACET_FR_COS] = {x}}};
+    CHECK_INT(facet_sample(brdf, tier, sampler, in(p, 3), u[0], u[1], PAIRS, &out), FACET_OK);
+    CHECK_INT(facet_eval(brdf, FACET_PRECISE, (facet_vec3_in){wi[0], wi[1], wi[2]}, in(p, 3), PAIRS,
+                         &outputs),
+              FACET_OK);
+    for (int k = 0; k < PAIRS; k++) {
+        double y = weight[k] * pdf[k], error = fabs(y - x[k]) / fmax(x[k], FACET_FLOOR), bound;
+        double close = facet_closeness(brdf, (facet_vec3_in){&wi[0][k], &wi[1][k], &wi[2][k]},
+                                       (facet_vec3_in){&p->v[3][k], &p->v[4][k], &p->v[5][k]}, 1,
+                                       false);
+        if (!facet_sample_bound(brdf, tier, sampler, close * 0x1p-52, &bound) || !(bound < 0.5) ||
+            x[k] > FLT_MAX / 2 || !(pdf[k] > 1e-30))
+            continue;
+        check_note(facet_tier_name(tier), error / bound);
+        if (!(error <= 2 * bound))
+            check_fail(__FILE__, __LINE__, "%s %s %s: %.17g, not %.17g, bound %.3g", name,
+                       facet_tier_name(tier), facet_sampler_name(sampler), y, x[k], bound);
+    }
+}
+
+TEST(samples_of_every_tier_weigh_what_eval_answers)
+{
+    static const facet_sampler all[] = {FACET_SAMPLER_TABLE, FACET_SAMPLER_NDF,
+                                        FACET_SAMPLER_COSINE};
+    struct rng rng;
+    rng_seed(&rng, 73);
+    for (int s = 0; s < SOURCES; s++) {
+        if (fabs(log(sources[s].scale)) > 4)
+            continue; /* no table to sample: all in a cell or none */
+        facet_slope_table *table = table_of(&sources[s]);
+        for (size_t n = draw_count(12); n-- && table;) {
+            struct pairs p;
+            double u[2][PAIRS];
+            facet_material m;
+            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            for (int k = 0; k < PAIRS; k++)
+                u[0][k] = rng_uniform(&rng), u[1][k] = rng_uniform(&rng);
+            for (int t = 0; t < FACET_TIER_COUNT && brdf && m.shear != FACET_THESIS; t++)
+                for (int j = 0; j < 3; j++)
+                    check_samples(brdf, sources[s].name, (facet_tier)t, all[j], &p, u);
+            facet_brdf_destroy(brdf);
+        }
         facet_slope_table_destroy(table);
     }
 }
