@@ -385,6 +385,10 @@ static facet_status integrate_mean(struct mean *m, double tolerance, const doubl
             rule.absolute[c] = fmax(size ? tolerance * size[c] : 0, FACET_FLOOR * 1e-3) * turn /
                                (2 * FACET_PI);
         for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * FACET_PI / 2;
+        if (quarters == 4) { /* next to the cusp half as far */
+            breaks[1] -= FACET_PI / 4;
+            breaks[3] += FACET_PI / 4;
+        }
         status = facet_integrate(&rule, breaks, quarters + 1, sum);
     }
     for (size_t c = 0; c < a->channels; c++) {
