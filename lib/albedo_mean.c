@@ -113,6 +113,12 @@ static size_t arc_breaks(const struct mean *m, double end, double to[PHI_BREAKS]
     return count;
 }
 
+/* Where the thesis's shear divides by 0 is no circle. */
+static bool bends_where_known(const struct albedo_material *a)
+{
+    return a->is_central || a->material.shear != FACET_THESIS;
+}
+
 /* Both arcs; where one is the other's mirror image, or wi and wo may change places, twice the first. */
 static facet_status over_phi(struct mean *m, double weight, struct integral *sum)
 {
@@ -127,7 +133,7 @@ static facet_status over_phi(struct mean *m, double weight, struct integral *sum
                              .panel = m->phi,
                              .panels = PHIS,
                              .budget = &a->budget,
-                             .is_smooth = true};
+                             .is_smooth = bends_where_known(a)};
     facet_status status = facet_albedo_ask(a);
     *sum = (struct integral){{0}, {0}};
     for (size_t c = 0; c < a->channels; c++)
@@ -257,7 +263,8 @@ static facet_status at_normal(struct mean *m, double r, double weight, struct in
                              .panel = m->theta,
                              .panels = THETAS + a->kinks,
                              .budget = &a->budget,
-                             .is_smooth = a->material.masking != FACET_VGROOVE};
+                             .is_smooth = bends_where_known(a) &&
+                                          a->material.masking != FACET_VGROOVE};
     for (size_t c = 0; c < a->channels; c++) rule.absolute[c] = m->absolute[c];
     facet_status status = facet_integrate(&rule, m->pieces, theta_breaks(m), sum);
     for (size_t c = 0; c < a->channels; c++) {
@@ -378,6 +385,10 @@ static facet_status integrate_mean(struct mean *m, double tolerance, const doubl
             rule.absolute[c] = fmax(size ? tolerance * size[c] : 0, FACET_FLOOR * 1e-3) * turn /
                                (2 * FACET_PI);
         for (size_t i = 0; i <= quarters; i++) breaks[i] = axis + (double)i * FACET_PI / 2;
+        if (quarters == 4) { /* next to the cusp half as far */
+            breaks[1] -= FACET_PI / 4;
+            breaks[3] += FACET_PI / 4;
+        }
         status = facet_integrate(&rule, breaks, quarters + 1, sum);
     }
     for (size_t c = 0; c < a->channels; c++) {
