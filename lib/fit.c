@@ -256,10 +256,10 @@ void facet_fit_clear(facet_fit *fit)
         for (int k = 0; k < 2; k++) {
             facet_slope_table_destroy(owned->table[k]);
             facet_slope_table_destroy(owned->compact_table[k]);
+            facet_slope_table_destroy(owned->turned_table[k]);
+            facet_slope_table_destroy(owned->compact_turned[k]);
+            free(owned->turned_log_d[k]);
         }
-        facet_slope_table_destroy(owned->turned_table);
-        facet_slope_table_destroy(owned->compact_turned);
-        free(owned->turned_log_d);
     }
     free(owned);
     *fit = (facet_fit){0};

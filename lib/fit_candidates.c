@@ -106,23 +106,24 @@ static bool thin_rows(struct fit_work *work, facet_fit_candidate *candidate)
 {
     enum { ROWS = FACET_FIT_ROWS / 2 };
     struct fit_owned *owned = work->owned;
+    bool k = candidate->has_diffuse;
     double scale = work->fit->table_scale;
     if (work->nodes <= FACET_FIT_COMPACT + 1) return false;
     for (size_t j = 0; j < ROWS; j++) {
-        double *row = owned->compact_turned_log_d[j];
+        double *row = owned->compact_turned_log_d[k][j];
         for (size_t i = 0; i <= FACET_FIT_COMPACT; i++) {
             double u = (double)i / FACET_FIT_COMPACT, r = fmin(scale * u / (1 - u), 1e12);
             row[i] = i == FACET_FIT_COMPACT
                          ? candidate->log_d[(2 * j + 1) * candidate->log_d_nodes - 1]
-                         : fmax(facet_slope_table_log_d_along(owned->turned_table, r,
+                         : fmax(facet_slope_table_log_d_along(owned->turned_table[k], r,
                                                               (double)j / ROWS),
                                 LOG_D_LEAST);
         }
-        row[0] = owned->compact_turned_log_d[0][0];
+        row[0] = owned->compact_turned_log_d[k][0][0];
     }
-    const double *log_d = owned->compact_turned_log_d[0];
+    const double *log_d = owned->compact_turned_log_d[k][0];
     work->status = facet_slope_table_create_turned(scale, log_d, FACET_FIT_COMPACT + 1, ROWS,
-                                                   &owned->compact_turned);
+                                                   &owned->compact_turned[k]);
     if (work->status == FACET_BAD_TABLE) {
         work->status = FACET_OK;
         return false;
@@ -130,7 +131,7 @@ static bool thin_rows(struct fit_work *work, facet_fit_candidate *candidate)
     candidate->log_d = log_d;
     candidate->log_d_nodes = FACET_FIT_COMPACT + 1;
     candidate->log_d_rows = ROWS;
-    candidate->material.table = owned->compact_turned;
+    candidate->material.table = owned->compact_turned[k];
     return work->status == FACET_OK;
 }
 
@@ -166,7 +167,7 @@ static void add_candidate(struct fit_work *work, const struct fit_model *model)
         candidate->diffuse[c] = model->has_diffuse ? model->kd[c < work->pairs.channels ? c : 0]
                                                    : 0;
     if (model->ndf == FACET_TABULATED) {
-        candidate->log_d = model->is_turned ? work->owned->turned_log_d
+        candidate->log_d = model->is_turned ? work->owned->turned_log_d[model->has_diffuse]
                                             : work->owned->log_d + model->has_diffuse * work->nodes;
         candidate->log_d_nodes = work->nodes;
         candidate->log_d_rows = model->is_turned ? FACET_FIT_ROWS : 1;
@@ -324,14 +325,15 @@ static void add_tabulated(struct fit_work *work, bool diffuse, bool turned)
     facet_fit *fit = work->fit;
     struct fit_model model = {.ndf = FACET_TABULATED,
                               .masking = work->options->masking,
-                              .table = turned ? work->owned->turned_table
+                              .table = turned ? work->owned->turned_table[diffuse]
                                               : work->owned->table[diffuse],
                               .is_turned = turned,
                               .anisotropic = work->anisotropic,
                               .fixed_shape = true,
                               .has_diffuse = diffuse,
                               .has_table = true};
-    facet_roughness r = work->roughness;
+    facet_roughness r = diffuse ? facet_fit_model_material(&work->diffuse).roughness
+                                : work->roughness;
     if (work->anisotropic) {
         model.shape[0] = log(r.alpha_x), model.shape[1] = log(r.alpha_y);
         model.shape[2] = atanh(r.rho);
@@ -349,6 +351,24 @@ static void add_tabulated(struct fit_work *work, bool diffuse, bool turned)
                                         work->owned->log_d + diffuse * work->nodes, work->nodes,
                                         &work->owned->table[diffuse], work->watch);
     if (!facet_fit_cancelled(work)) add_candidate(work, &model);
+}
+
+/* A diffuse part that leaves no distribution has no table. */
+static void add_radial(struct fit_work *work, bool diffuse)
+{
+    facet_status status = diffuse ? facet_fit_extract_diffuse(work) : FACET_OK;
+    if (status == FACET_NO_MEMORY || status == FACET_CANCELLED) work->status = status;
+    if (status == FACET_OK) add_tabulated(work, diffuse, false);
+}
+
+static void add_turned(struct fit_work *work, bool diffuse)
+{
+    /* What an ellipse explains needs no rows. */
+    facet_fit_tabulate_turned(work, diffuse, work->best_cost > EXACT);
+    if (!facet_fit_cancelled(work) && work->owned->table[diffuse])
+        add_tabulated(work, diffuse, false);
+    if (!facet_fit_cancelled(work) && work->owned->turned_table[diffuse])
+        add_tabulated(work, diffuse, true);
 }
 
 void facet_fit_candidates(struct fit_work *work)
@@ -370,15 +390,11 @@ void facet_fit_candidates(struct fit_work *work)
         if (!asked) work->fit->count = before;
     }
     if (facet_fit_cancelled(work) || !tabulated) return;
-    if (work->anisotropic) facet_fit_tabulate_turned(work);
-    if (!facet_fit_cancelled(work)) add_tabulated(work, false, false);
-    /* What an ellipse explains needs no rows. */
-    if (work->anisotropic && work->best_cost > EXACT && !facet_fit_cancelled(work))
-        facet_fit_tabulate_rows(work);
-    if (!facet_fit_cancelled(work) && work->owned->turned_table) add_tabulated(work, false, true);
-    if (facet_fit_cancelled(work) || !(work->diffuse_cost < work->plain_cost) || work->anisotropic)
-        return;
-    facet_status status = facet_fit_extract_diffuse(work);
-    if (status == FACET_NO_MEMORY || status == FACET_CANCELLED) work->status = status;
-    if (status == FACET_OK) add_tabulated(work, true, false);
+    for (int diffuse = 0; diffuse <= (work->diffuse_cost < work->plain_cost); diffuse++) {
+        if (work->anisotropic)
+            add_turned(work, diffuse);
+        else
+            add_radial(work, diffuse);
+        if (facet_fit_cancelled(work)) return;
+    }
 }

@@ -111,7 +111,7 @@ struct less_diffuse {
     const facet_fit_source *source;
     const double *kd;
     facet_material model;
-    const double *scale; /* its F at normal incidence */
+    double scale[3]; /* its F at normal incidence */
 };
 #define NOISE_PART 0.1 /* of the diffuse part */
 
@@ -140,17 +140,25 @@ static facet_status evaluate_less(const void *user, facet_vec3_in wi, facet_vec3
     return status;
 }
 
+static facet_fit_source without_diffuse(const struct fit_work *work, struct less_diffuse *less)
+{
+    const struct fit_model *d = &work->diffuse;
+    facet_fit_source source = *work->source;
+    *less = (struct less_diffuse){
+        .source = work->source, .kd = d->kd, .model = facet_fit_model_material(d)};
+    for (size_t c = 0; c < 3; c++) less->scale[c] = (1 - d->kd[c]) * d->f0[c];
+    source.evaluate = evaluate_less;
+    source.user = less;
+    return source;
+}
+
 /* The table that goes with a diffuse part: [1] of owned. */
 facet_status facet_fit_extract_diffuse(struct fit_work *work)
 {
     facet_fit *fit = work->fit;
-    const struct fit_model *d = &work->diffuse;
-    double scale[3], *log_d = work->owned->log_d + work->nodes;
-    struct less_diffuse less = {work->source, d->kd, facet_fit_model_material(d), scale};
-    for (size_t c = 0; c < 3; c++) scale[c] = (1 - d->kd[c]) * d->f0[c];
-    facet_fit_source source = *work->source;
-    source.evaluate = evaluate_less;
-    source.user = &less;
+    double *log_d = work->owned->log_d + work->nodes;
+    struct less_diffuse less;
+    facet_fit_source source = without_diffuse(work, &less);
     struct fit_density density;
     facet_masking masking = work->options->masking;
     double median;
@@ -220,33 +228,54 @@ void facet_fit_open_turned(struct fit_work *work)
     work->roughness = facet_fit_turn_roughness(&work->turn, FACET_GGX);
 }
 
-void facet_fit_tabulate_turned(struct fit_work *work)
-{
-    facet_fit *fit = work->fit;
-    double *log_d = work->owned->log_d;
-    fit->table_scale = FIT_SCALE_PER_MEDIAN; /* slopes are now in units of alpha */
-    work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention,
-                                        &work->turn, &work->roughness, fit->table_scale,
-                                        work->nodes, 1, log_d);
-    if (facet_fit_cancelled(work)) return;
-    work->status = facet_slope_table_create(fit->table_scale, log_d, work->nodes,
-                                            &work->owned->table[0]);
-    if (work->status == FACET_BAD_TABLE) work->status = FACET_BAD_DATA;
-}
-
-void facet_fit_tabulate_rows(struct fit_work *work)
+/* The tables of a source whose shape is known; BAD_TABLE: not even of all azimuths. */
+static facet_status tabulate(struct fit_work *work, const facet_fit_source *source,
+                             const struct fit_turn *turn, const facet_roughness *roughness,
+                             bool diffuse, bool rows)
 {
     const facet_fit *fit = work->fit;
+    const facet_masking masking = work->options->masking;
     struct fit_owned *owned = work->owned;
-    if (work->nodes > FACET_TURNED_NODES_MAX / FACET_FIT_ROWS) return; /* no table holds that */
-    owned->turned_log_d = calloc(FACET_FIT_ROWS * work->nodes, sizeof *owned->turned_log_d);
-    work->status = owned->turned_log_d ? FACET_OK : FACET_NO_MEMORY;
-    if (work->status == FACET_OK)
-        work->status = facet_fit_turn_table(work->source, work->options->masking, fit->convention,
-                                            &work->turn, &work->roughness, fit->table_scale,
-                                            work->nodes, FACET_FIT_ROWS, owned->turned_log_d);
-    if (facet_fit_cancelled(work)) return;
-    work->status = facet_slope_table_create_turned(
-        fit->table_scale, owned->turned_log_d, work->nodes, FACET_FIT_ROWS, &owned->turned_table);
-    if (work->status == FACET_BAD_TABLE) work->status = FACET_OK; /* there is none */
+    const size_t n = work->nodes;
+    double *log_d = owned->log_d + diffuse * n;
+    facet_status status = facet_fit_turn_table(source, masking, fit->convention, turn, roughness,
+                                               fit->table_scale, n, 1, log_d);
+    if (status == FACET_OK)
+        status = facet_slope_table_create(fit->table_scale, log_d, n, &owned->table[diffuse]);
+    if (status != FACET_OK || !rows || n > FACET_TURNED_NODES_MAX / FACET_FIT_ROWS) return status;
+    log_d = owned->turned_log_d[diffuse] = calloc(FACET_FIT_ROWS * n, sizeof *log_d);
+    if (!log_d) return FACET_NO_MEMORY;
+    status = facet_fit_turn_table(source, masking, fit->convention, turn, roughness,
+                                  fit->table_scale, n, FACET_FIT_ROWS, log_d);
+    if (status == FACET_OK)
+        status = facet_slope_table_create_turned(fit->table_scale, log_d, n, FACET_FIT_ROWS,
+                                                 &owned->turned_table[diffuse]);
+    return status == FACET_BAD_TABLE ? FACET_OK : status; /* there is none */
+}
+
+static facet_status tabulate_rest(struct fit_work *work, bool rows)
+{
+    struct less_diffuse less;
+    const facet_fit_source source = without_diffuse(work, &less);
+    struct fit_turn turn = {0};
+    double median;
+    facet_status status = facet_fit_median_slope(&source, &median);
+    if (status == FACET_OK)
+        status = facet_fit_turn_create(&source, work->options->masking, work->fit->convention,
+                                       FIT_SCALE_PER_MEDIAN * median, TURN_RADII, TURN_AZIMUTHS,
+                                       work->watch, &turn);
+    if (status == FACET_OK)
+        status = tabulate(work, &source, &turn, &less.model.roughness, true, rows);
+    facet_fit_turn_clear(&turn);
+    /* A diffuse part that leaves no distribution has no table. */
+    return status == FACET_NO_MEMORY || status == FACET_CANCELLED ? status : FACET_OK;
+}
+
+void facet_fit_tabulate_turned(struct fit_work *work, bool diffuse, bool rows)
+{
+    work->fit->table_scale = FIT_SCALE_PER_MEDIAN; /* slopes are now in units of alpha */
+    work->status = diffuse
+                       ? tabulate_rest(work, rows)
+                       : tabulate(work, work->source, &work->turn, &work->roughness, false, rows);
+    if (work->status == FACET_BAD_TABLE) work->status = FACET_BAD_DATA;
 }

@@ -27,10 +27,11 @@ enum { FRESNEL_NODES = FIT_DIFFERENCES + 1 };
 enum { FRESNEL_TABLES = 4 * FACET_NDF_COUNT };
 
 struct fit_owned {
-    facet_slope_table *table[2], *compact_table[2];   /* without and with a diffuse part */
-    facet_slope_table *turned_table, *compact_turned; /* over the azimuth */
-    double *turned_log_d;                             /* FACET_FIT_ROWS rows of nodes */
-    double compact_turned_log_d[FACET_FIT_ROWS / 2][FACET_FIT_COMPACT + 1];
+    /* Each without and with a diffuse part. */
+    facet_slope_table *table[2], *compact_table[2];
+    facet_slope_table *turned_table[2], *compact_turned[2]; /* over the azimuth */
+    double *turned_log_d[2];                                /* FACET_FIT_ROWS rows of nodes */
+    double compact_turned_log_d[2][FACET_FIT_ROWS / 2][FACET_FIT_COMPACT + 1];
     double cos_theta_d[FRESNEL_NODES], fresnel[FRESNEL_TABLES][3][FRESNEL_NODES];
     double compact_cos[FRESNEL_NODES], compact_fresnel[FRESNEL_TABLES][3][FRESNEL_NODES];
     double compact_log_d[2][FACET_FIT_COMPACT + 1];
@@ -62,14 +63,16 @@ bool facet_fit_cancelled(struct fit_work *work);
 
 /*
  * The slope distribution: under both conventions, the better one's table to owned;
- * that which goes with a diffuse part; that of an anisotropic source, its shape first.
+ * that which goes with a diffuse part; of an anisotropic source, its shape.
  */
 facet_status facet_fit_choose_convention(struct fit_work *work);
 facet_status facet_fit_extract_diffuse(struct fit_work *work);
 void facet_fit_open_turned(struct fit_work *work);
-void facet_fit_tabulate_turned(struct fit_work *work);
-/* The same over the azimuth of its slopes. */
-void facet_fit_tabulate_rows(struct fit_work *work);
+/*
+ * Its tables in standard slopes of the best model's roughness: of all azimuths and, if `rows`, over
+ * them, where there is one; with a diffuse part, those of what that leaves.
+ */
+void facet_fit_tabulate_turned(struct fit_work *work, bool diffuse, bool rows);
 
 /* All candidates that the options ask for, into work->fit. */
 void facet_fit_candidates(struct fit_work *work);

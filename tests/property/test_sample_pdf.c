@@ -61,18 +61,22 @@ static double part_of(const struct density *d, double p, double q, double size)
     return sum * size * size;
 }
 
-/* The same, by quarters where that makes a difference, as edges do; no more than depth times. */
+/*
+ * The same, by quarters where that makes a difference, as edges do; no more than depth times, and no
+ * fewer than `least`: an edge near a cell's end escapes the rule and that of the quarters alike.
+ */
 static double share_of(const struct density *d, double p, double q, double size, double whole,
-                       int depth)
+                       int depth, int least)
 {
     double part[4], sum = 0, half = size / 2;
     if (depth == 0) return whole;
     for (int k = 0; k < 4; k++)
         sum += part[k] = part_of(d, p + half * (k & 1), q + half * (k >> 1), half);
-    if (fabs(sum - whole) < 1e-5 / CELLS) return sum;
+    if (least <= 1 && fabs(sum - whole) < 1e-5 / CELLS) return sum;
     sum = 0;
     for (int k = 0; k < 4; k++)
-        sum += share_of(d, p + half * (k & 1), q + half * (k >> 1), half, part[k], depth - 1);
+        sum += share_of(d, p + half * (k & 1), q + half * (k >> 1), half, part[k], depth - 1,
+                        least - 1);
     return sum;
 }
 
@@ -80,6 +84,7 @@ static double share_of(const struct density *d, double p, double q, double size,
 static bool expected_shares(const facet_brdf *brdf, facet_tier tier, const facet_material *m,
                             const struct square *square, int depth, double share[CELLS])
 {
+    enum { LEAST = 4 };
     struct density d = {.brdf = brdf, .tier = tier, .square = square};
     const double side = 1.0 / SIDE;
     /* Without depth Gauss's rule is off by 1/16 of a cell in each row that an edge runs through. */
@@ -88,7 +93,7 @@ static bool expected_shares(const facet_brdf *brdf, facet_tier tier, const facet
     for (int k = 0; k < CELLS; k++) {
         double p = side * (k / SIDE), q = side * (k % SIDE);
         share[k] = part_of(&d, p, q, side);
-        if (square->is_bent) share[k] = share_of(&d, p, q, side, share[k], depth);
+        if (square->is_bent) share[k] = share_of(&d, p, q, side, share[k], depth, LEAST);
         total += share[k];
     }
     if (fabs(total - 1) < slack) return true;
