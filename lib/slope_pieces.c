@@ -6,8 +6,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Where log_q lies this far below its peak it adds nothing that a sum of doubles could hold. */
-#define NEGLIGIBLE 150.0
+/* Where log_q lies this far below its peak it adds nothing to what is seen even from far behind, where a double holds that. */
+#define NEGLIGIBLE 650.0
+/* And where all that is left is this much of what there is, rounding is more. */
+#define ROUNDED 1e-18
 /* Variation of log_q on one piece: 8 Gauss points integrate exp over it to 2e-15. */
 #define VARIATION_MAX 3.0
 
@@ -193,6 +195,9 @@ double facet_slope_pieces_psi(const struct slope_pieces *pieces, double v, doubl
     for (size_t p = low; p < pieces->count; p++) {
         const struct slope_piece *piece = &pieces->piece[p];
         double r0 = ring_slope(b, piece->u0), r1 = ring_slope(b, piece->u1);
+        /* A ring shows r at most, and 1 of its derivative. */
+        if (piece->moment[0] < ROUNDED * psi.value && piece->mass < -ROUNDED * psi.derivative)
+            break;
         if (r0 >= 2 * v) {
             add_far(&psi, pieces, p, v);
             break;

@@ -307,6 +307,13 @@ static facet_tier tier_at(const struct grid_point *at, size_t k)
                : FACET_PRECISE;
 }
 
+/* Whether there is something to count: Beckmann's own table ends 25 standard slopes behind. */
+static bool is_told(const struct grid_point *at)
+{
+    const struct normals_map map = normals_map(&at->material, at->wo);
+    return at->sampler != FACET_SAMPLER_TABLE || map.ggx || map.c > -25 * map.s;
+}
+
 static enum counted_by counted_at(const struct grid_point *at, facet_tier tier)
 {
     const facet_roughness *r = &at->material.roughness;
@@ -339,6 +346,10 @@ static void take_points(struct sweep *sweep, size_t points, size_t stride, doubl
         rng_seed(&rng, 32 + k);
         facet_tier tier = tier_at(&at, k);
         double start = seconds(), drawn = fmin(samples, most_of(at.sampler));
+        if (!is_told(&at)) {
+            sweep->p[i] = 1;
+            continue;
+        }
         sweep->p[i] = p_of(tier, at.sampler, &at.material, at.wo, counted_at(&at, tier),
                            (size_t)(drawn / BATCH), 7, tests, &rng);
         if (!tells) continue;
