@@ -75,8 +75,7 @@ facet_watch api_watch(const struct call *call);
  * one of endpoint->answers; `preferred` where the client has no preference.
  */
 const char *api_answer_type(const struct call *call, const char *preferred);
-/* Answer these malloc'd bytes, which the response now owns.  type: static storage.  Returns true.
- */
+/* Answer these malloc'd bytes, which the response now owns.  type: static storage.  Returns true. */
 bool api_answer_raw(struct call *call, const char *type, void *bytes, size_t size);
 /* A header of the answer; no-op when there are API_HEADERS_MAX already. */
 __attribute__((format(printf, 3, 4))) void

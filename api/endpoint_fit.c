@@ -1,5 +1,4 @@
-/* POST /v1/fit: the smallest material that is close enough to a measurement or to another material.
- */
+/* POST /v1/fit: the smallest material that is close enough to a measurement or to another material. */
 #include "diffuse.h"
 #include "endpoint.h"
 #include "export.h"

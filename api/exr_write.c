@@ -304,8 +304,7 @@ static unsigned char *add_chunk(struct exr_writer *w, size_t level, size_t x, si
     return at + CHUNK_HEAD;
 }
 
-/* The format's ZIP: bytes of even and odd places apart, differences, zlib.  0: it does not shrink.
- */
+/* The format's ZIP: bytes of even and odd places apart, differences, zlib.  0: it does not shrink. */
 static size_t compress(const struct exr_packer *p, const unsigned char *from, size_t size)
 {
     unsigned char *to = p->scratch, *odd = to + (size + 1) / 2;

@@ -407,8 +407,7 @@ static bool open_fresnel(const struct fresnel *in, struct decoder *decoder, face
     return true;
 }
 
-/* ---- Open ---------------------------------------------------------------------------------------
- */
+/* ---- Open ----------------------------------------------------------------------------------- */
 
 static void destroy_table(void *table)
 {

@@ -65,8 +65,7 @@ bool api_pairs_are_floats(const struct pairs *pairs);
 void api_pairs_fill_floats(const struct pairs *pairs, size_t start, size_t n, bool again,
                            float *const out[6]);
 
-/* The plan's directions for batch elements start .. start + n - 1; is_first: which partner it is.
- */
+/* The plan's directions for batch elements start .. start + n - 1; is_first: which partner it is. */
 void api_pairing_fill(const struct pairing *pairing, bool is_first, const struct plan *plan,
                       size_t start, size_t n, double *const out[3]);
 

@@ -40,8 +40,7 @@ static const struct field *find(const struct field *fields, const char *name)
     return fields->type ? fields : NULL;
 }
 
-/* The JSON value that `text` stands for in a member of this type; NULL: out of memory or no UTF-8.
- */
+/* The JSON value that `text` stands for in a member of this type; NULL: out of memory or no UTF-8. */
 static json_t *value_of(const struct field *field, const char *text)
 {
     bool is_number = field && (field->type == FIELD_NUMBER || field->type == FIELD_INTEGER ||

@@ -6,8 +6,7 @@
 
 #include "facet_fit.h"
 
-/* f_r(o,o) at slopes r = tan theta_o, mean of the channels; beyond the data f_r cos theta is kept.
- */
+/* f_r(o,o) at slopes r = tan theta_o, mean of the channels; beyond the data f_r cos theta is kept. */
 facet_status facet_fit_backscatter(const facet_fit_source *source, const double *r, size_t n,
                                    double *fr);
 

@@ -220,8 +220,7 @@ facet_roughness facet_fit_turn_roughness(const struct fit_turn *turn, facet_ndf 
     return (facet_roughness){.alpha_x = ax, .alpha_y = ay, .rho = rho};
 }
 
-/* ---- Table ------------------------------------------------------------------------------------
- */
+/* ---- Table ---------------------------------------------------------------------------------- */
 
 /* The sum of the equation at a slope (x, y) that need not be a node. */
 static double masked_sum(const struct fit_turn *t, facet_fit_convention convention, double x,

@@ -89,8 +89,7 @@ void facet_mip_rows_close(struct mip_rows *mip)
     mip->count = 0;
 }
 
-/* ---- Merge -------------------------------------------------------------------------------------
- */
+/* ---- Merge ---------------------------------------------------------------------------------- */
 
 /* Neighbours, two by two. */
 static void squeeze_pairs(size_t n, double *const from[CENTRAL_COUNT],

@@ -57,8 +57,7 @@ struct slope_rays *facet_slope_rays_create(const struct kernel_table *table, siz
     return rays;
 }
 
-/* ---- One view ---------------------------------------------------------------------------------
- */
+/* ---- One view ------------------------------------------------------------------------------- */
 
 /* Where along a ray the normals turn away: c + g r = 0. */
 static double end_of(const struct kernel_table *table, double c, double g)
@@ -109,8 +108,7 @@ void facet_slope_ray_view(const struct kernel_table *table, const struct slope_r
     }
 }
 
-/* ---- One draw ---------------------------------------------------------------------------------
- */
+/* ---- One draw ------------------------------------------------------------------------------- */
 
 /* t in [0, 1] where the cubic with these ends and slopes, made monotone, is `target`. */
 static double invert_cubic(double y0, double y1, double m0, double m1, double target)

@@ -5,8 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Nodes before and after a turn around, so that the spline along it is the same wherever it starts.
- */
+/* Nodes before and after a turn around, so that the spline along it is the same wherever it starts. */
 enum { WRAP = 12 };
 
 /* Derivatives along u this steep, per cell, lie at breaks or where D is nothing: they do not bend

@@ -37,8 +37,7 @@ static struct psi_node psi_at(const struct slope_pieces *pieces, double w)
     return (struct psi_node){y, -derivative / psi * b / (w * w) - 1 / w};
 }
 
-/* v to infinity: P = D(pi/2)/r^4 there, D(pi/2) = exp(log_q(1)) b^4, hence psi = D(pi/2) pi/(4 v).
- */
+/* v to infinity: P = D(pi/2)/r^4 there, D(pi/2) = exp(log_q(1)) b^4, hence psi = D(pi/2) pi/(4 v). */
 static double psi_limit(const struct slope_pieces *pieces)
 {
     const double *c = pieces->log_q.c + 4 * (pieces->log_q.cells - 1);
@@ -53,8 +52,7 @@ static void psi_between(const struct slope_pieces *pieces, size_t cells, struct 
         node[i] = psi_at(pieces, (2 * (double)i + 1) / (2 * (double)cells));
 }
 
-/* middle: log_psi halfway through the first cell, in place of the slope at w = 0, which is unknown.
- */
+/* middle: log_psi halfway through the first cell, in place of the slope at w = 0, which is unknown. */
 static void tabulate_psi(const struct psi_node *node, size_t cells, double middle, double *c)
 {
     double h = 1 / (double)cells;
@@ -85,8 +83,7 @@ static void measure_psi(facet_slope_table *table, const struct psi_node *between
     }
 }
 
-/* Doubles the cells until sigma is right to SIGMA_ERROR.  node and between hold PSI_CELLS_MAX + 1.
- */
+/* Doubles the cells until sigma is right to SIGMA_ERROR.  node and between hold PSI_CELLS_MAX + 1. */
 static void tabulate_sigma(facet_slope_table *table, const struct slope_pieces *pieces, double *c,
                            struct psi_node *node, struct psi_node *between)
 {

@@ -18,8 +18,7 @@ enum options_action {
     OPTIONS_BAD          /* a message was printed */
 };
 
-/* Flags win over the environment, which wins over the defaults.  Texts point into argv or environ.
- */
+/* Flags win over the environment, which wins over the defaults.  Texts point into argv or environ. */
 enum options_action options_read(int argc, char **argv, struct options *options);
 
 /* The limits among them, for api_announce_limits. */

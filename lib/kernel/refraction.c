@@ -52,8 +52,7 @@ INLINE struct terms terms_of(const struct kernel_surface *s, struct model m, con
         .given = *given, .i = p->beside, .o = p->o, .h = half_of(s, m.shape, given)};
 }
 
-/* Of one lobe: densities, and what it adds to fr and fr cos theta_i on its own side of the surface.
- */
+/* Of one lobe: densities, and what it adds to fr and fr cos theta_i on its own side of the surface. */
 struct lobe {
     real pdf, weight, fr, fr_cos;
     mask stray;

@@ -1,5 +1,4 @@
-/* The projected area from its definition, by double exponential quadrature (Takahasi & Mori 1974).
- */
+/* The projected area from its definition, by double exponential quadrature (Takahasi & Mori 1974). */
 #include "reference.h"
 
 #include <quadmath.h>
@@ -12,8 +11,7 @@ struct integrand {
     quad cosine, sine; /* of the azimuth in the standard slope plane */
 };
 
-/* max(<k, h>, 0) D(h) dw_h / dr at standard slope r (cosine, sine): dw_h = cos^3 theta_h dslopes.
- */
+/* max(<k, h>, 0) D(h) dw_h / dr at standard slope r (cosine, sine): dw_h = cos^3 theta_h dslopes. */
 static quad radial_density(const struct integrand *f, quad r)
 {
     const facet_roughness *m = &f->m->roughness;

@@ -63,8 +63,7 @@ static quad quantile(const struct slope_law *l, quad u)
     return (low + high) / 2;
 }
 
-/* Visible slope along k by inversion, across k an independent normal variate (Heitz & d'Eon 2014).
- */
+/* Visible slope along k by inversion, across k an independent normal variate (Heitz & d'Eon 2014). */
 static void beckmann(struct reference_view k, quad u1, quad u2, quad m[3])
 {
     struct slope_law along = {k.c, k.s, k.s > 0 ? k.c / k.s : 9, 0}, across = {1, 0, 9, 0};

@@ -1,5 +1,4 @@
-/* What lib promises (facet_bound, facet_condition) against the reference, on every instruction set.
- */
+/* What lib promises (facet_bound, facet_condition) against the reference, on every instruction set. */
 #include "check.h"
 #include "draw.h"
 #include "reference.h"

@@ -20,8 +20,7 @@
 
 #define ELLIPSIS "\xe2\x80\xa6"
 
-/* ---- the curl line of a case --------------------------------------------------------------------
- */
+/* ---- the curl line of a case ---------------------------------------------------------------- */
 
 static bool curl_line(const json_t *request, char *line, size_t size)
 {

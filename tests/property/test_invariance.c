@@ -215,8 +215,7 @@ TEST(a_quarter_turn_changes_nothing)
     }
 }
 
-/* Ellipse and back: the same surface, also round (0/0 for the angle) and thin (cancelling radius).
- */
+/* Ellipse and back: the same surface, also round (0/0 for the angle) and thin (cancelling radius). */
 TEST(ellipse_and_back)
 {
     struct rng rng;

@@ -64,8 +64,7 @@ static void expect(const char *what, double got, double wanted, facet_tier tier,
                    what, got, wanted, facet_tier_name(tier), (int)m->ndf, surface, (int)m->masking);
 }
 
-/* Slopes: mean, and their spread, E|x~ - x| = alpha_x (GGX), E(x~ - x)^2 = alpha_x^2/2 (Beckmann).
- */
+/* Slopes: mean, and their spread, E|x~ - x| = alpha_x (GGX), E(x~ - x)^2 = alpha_x^2/2 (Beckmann). */
 static void check_moments(const facet_material *m, facet_tier tier, int surface,
                           const struct normals_rule *rule, double *factor)
 {

@@ -138,8 +138,7 @@ static void compare(facet_ndf ndf, size_t turns, double d, double sigma)
     facet_slope_table_destroy(table);
 }
 
-/* log D of an ellipse of axes 1 : 5 has poles .2 off the real azimuths: 90 rows tell it, 45 hardly.
- */
+/* log D of an ellipse of axes 1 : 5 has poles .2 off the real azimuths: 90 rows tell it, 45 hardly. */
 TEST(tables_of_ellipses_are_the_ellipses)
 {
     compare(FACET_GGX, 90, 1e-5, 5e-7);
@@ -269,8 +268,7 @@ TEST(sigma_is_the_integral_of_the_own_d)
     }
 }
 
-/* ---- Samples ----------------------------------------------------------------------------------
- */
+/* ---- Samples -------------------------------------------------------------------------------- */
 
 /* Normals by bins of (u, azimuth) of standard slopes, against D_vis or D h_z summed over them. */
 enum { BINS_U = 12, BINS_TURN = 24, BINS = BINS_U * BINS_TURN };
@@ -424,8 +422,7 @@ TEST(the_map_has_the_density)
     }
 }
 
-/* ---- Refused ----------------------------------------------------------------------------------
- */
+/* ---- Refused -------------------------------------------------------------------------------- */
 
 TEST(what_is_no_table_is_refused)
 {

@@ -91,8 +91,7 @@ void relief_free(struct relief *r)
     r->z = NULL;
 }
 
-/* ---- The surface -------------------------------------------------------------------------------
- */
+/* ---- The surface ---------------------------------------------------------------------------- */
 
 struct point {
     double z, x_slope, y_slope;
@@ -114,8 +113,7 @@ static struct point surface_at(const struct relief *r, double x, double y)
                           b0 + (b1 - b0) * u};
 }
 
-/* Does the ray from the surface at (x, y, z) get as far as `reach`?  Steps of a third of a texel.
- */
+/* Does the ray from the surface at (x, y, z) get as far as `reach`?  Steps of a third of a texel. */
 static bool sees(const struct relief *r, double x, double y, double z, const double k[3],
                  double reach)
 {

@@ -21,8 +21,7 @@ struct relief {
 /* Gaussian heights of these correlation lengths (texels) and rms slope along the steeper axis. */
 bool relief_gaussian(struct relief *relief, size_t side, double length_x, double length_y,
                      double rms_slope, unsigned long long seed);
-/* A square out of measured heights, in units of its texel; its edges do not meet, so look inside.
- */
+/* A square out of measured heights, in units of its texel; its edges do not meet, so look inside. */
 bool relief_measured(struct relief *relief, const char *path, double texel, size_t side,
                      double scale);
 void relief_free(struct relief *relief);

@@ -130,8 +130,7 @@ static void compare(FILE *out, const char *name, const struct relief *r, double 
     for (int w = 0; w < WAY_COUNT; w++) facet_leadr_destroy(levels[w]);
 }
 
-/* ---- A measured base --------------------------------------------------------------------------
- */
+/* ---- A measured base ------------------------------------------------------------------------ */
 
 static double base_merl(const void *data, const double wi[3], const double wo[3])
 {
@@ -332,11 +331,9 @@ static void pictures(FILE *out, const char *folder, const char *name, const stru
                 alpha, panels);
 }
 
-/* ---- Lobes --------------------------------------------------------------------------------------
- */
+/* ---- Lobes ---------------------------------------------------------------------------------- */
 
-/* f_r cos(theta_i) over theta_i in the plane of incidence, theta_o = 45 degrees, of the whole map.
- */
+/* f_r cos(theta_i) over theta_i in the plane of incidence, theta_o = 45 degrees, of the whole map. */
 static void lobes(const char *folder, const struct relief *r, double alpha)
 {
     char path[512];

@@ -186,8 +186,7 @@ TEST(bodies_share_a_memory_budget)
     free(body);
 }
 
-/* Drips `text` over `fd` until the server has enough; how long it took in ms, or -1 after `limit`.
- */
+/* Drips `text` over `fd` until the server has enough; how long it took in ms, or -1 after `limit`. */
 static double drip(int fd, const char *text, long pause_ms, double limit_ms)
 {
     double start = now_ms();

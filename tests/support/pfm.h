@@ -7,8 +7,7 @@
 /* Rows from the top, to be freed; NULL if the file is absent or not a little-endian grey PFM. */
 float *pfm_read(const char *path, size_t *width, size_t *height);
 
-/* The microsurfaces whose rms slope (forward differences over (n-1)^2) another project published.
- */
+/* The microsurfaces whose rms slope (forward differences over (n-1)^2) another project published. */
 struct microsurface {
     const char *path; /* for check_data */
     double texel;     /* metres */

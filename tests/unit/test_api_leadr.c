@@ -1,5 +1,4 @@
-/* POST /v1/leadr through the one door: real maps with known slopes, options, refusals, bad files.
- */
+/* POST /v1/leadr through the one door: real maps with known slopes, options, refusals, bad files. */
 #include "api.h"
 #include "ask.h"
 #include "check.h"
@@ -118,8 +117,7 @@ TEST(known_slopes_of_microsurfaces)
     }
 }
 
-/* With any other border the same texels of level 0 hold the same: read back from the EXR answered.
- */
+/* With any other border the same texels of level 0 hold the same: read back from the EXR answered. */
 TEST(known_slopes_from_level_0_of_the_exr)
 {
     struct surface s;

@@ -1,5 +1,4 @@
-/* POST /v1/leadr beyond displacement: normal and slope maps, CLEAN, raw half, one texel, pictures.
- */
+/* POST /v1/leadr beyond displacement: normal and slope maps, CLEAN, raw half, one texel, pictures. */
 #include "ask.h"
 #include "check.h"
 #include "exr.h"
@@ -39,8 +38,7 @@ static void check_refused(const char *query, const void *body, size_t size, cons
     answer_clear(&a);
 }
 
-/* ---- One surface in three kinds -----------------------------------------------------------------
- */
+/* ---- One surface in three kinds ------------------------------------------------------------- */
 
 enum { W = 48, H = 30 };
 

@@ -299,8 +299,7 @@ TEST(cancelled)
         answer_of(post("/v1/fit", NULL, "application/json", body, strlen(body), &cancel), 503));
 }
 
-/* ---- Measurements ------------------------------------------------------------------------------
- */
+/* ---- Measurements --------------------------------------------------------------------------- */
 
 static double seconds(void)
 {

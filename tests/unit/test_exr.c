@@ -12,8 +12,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* ---- A pyramid whose every value says where it is ----------------------------------------------
- */
+/* ---- A pyramid whose every value says where it is ------------------------------------------- */
 
 enum { WIDTH = 150, HEIGHT = 170, LEVELS = 8 };
 

@@ -264,8 +264,7 @@ TEST(stated_error_is_the_error)
     facet_fit_clear(&fit);
 }
 
-/* ---- Refusals ---------------------------------------------------------------------------------
- */
+/* ---- Refusals ------------------------------------------------------------------------------- */
 
 static facet_status evaluate_useless(const void *user, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                                      double *const fr[3], bool *valid)

@@ -51,8 +51,7 @@ static long double along(const facet_height_map *m, facet_border border, long p,
     return m->heights[q * w + p];
 }
 
-/* Moments of the bilinear cell by Gauss's two points each way: exact for squares of linear slopes.
- */
+/* Moments of the bilinear cell by Gauss's two points each way: exact for squares of linear slopes. */
 static void cell_moments(const facet_height_map *m, facet_border b, long p, long q, double k,
                          double ky, long double e[5])
 {

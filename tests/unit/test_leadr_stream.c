@@ -28,8 +28,7 @@ static facet_leadr *filter(const float *z, size_t w, size_t h, const facet_leadr
 
 /* ---- Symmetry ------------------------------------------------------------------------------ */
 
-/* Every level of the mirrored map is the mirrored level with the slopes across turned, bit for bit.
- */
+/* Every level of the mirrored map is the mirrored level with the slopes across turned, bit for bit. */
 static void check_mirrored(const facet_leadr *a, const facet_leadr *b, bool along_x)
 {
     for (size_t l = 0; l < facet_leadr_level_count(a); l++) {
@@ -160,8 +159,7 @@ TEST(steep_terrain_keeps_its_variance)
     free(z);
 }
 
-/* ---- Slope maps --------------------------------------------------------------------------------
- */
+/* ---- Slope maps ----------------------------------------------------------------------------- */
 
 struct slopes {
     float *rows; /* of each row: along x, then along y */
@@ -207,8 +205,7 @@ TEST(slopes_are_filtered_like_heights)
     free(z);
 }
 
-/* ---- CLEAN -------------------------------------------------------------------------------------
- */
+/* ---- CLEAN ---------------------------------------------------------------------------------- */
 
 TEST(clean_is_the_mean_or_the_larger_alpha)
 {

@@ -209,8 +209,7 @@ TEST(bombs)
     free(f);
 }
 
-/* A comment that unpacks to 50 MB beside a small image: skipped or refused, never unpacked whole.
- */
+/* A comment that unpacks to 50 MB beside a small image: skipped or refused, never unpacked whole. */
 TEST(a_comment_that_explodes)
 {
     char *text = malloc(50 << 20);
@@ -236,8 +235,7 @@ TEST(every_file_of_pngsuite_and_testpngs)
     CHECK(files_each(path, read_any) > 180);
 }
 
-/* The 16-bit PNG of a measured surface against its float original: 65535 steps between known ends.
- */
+/* The 16-bit PNG of a measured surface against its float original: 65535 steps between known ends. */
 TEST(real_maps_of_16_bits)
 {
     static const struct {

@@ -34,8 +34,7 @@ TEST(projected_area_is_its_integral)
             }
 }
 
-/* The number of the issue, and the whole f_r of the thesis: F D G / (4 z_i z_o), eqs. 2.1 and 2.13.
- */
+/* The number of the issue, and the whole f_r of the thesis: F D G / (4 z_i z_o), eqs. 2.1 and 2.13. */
 TEST(brdf_of_the_thesis)
 {
     facet_material m = material(FACET_GGX, (facet_roughness){.alpha_x = 0.3, .alpha_y = 0.3});
@@ -128,8 +127,7 @@ TEST(ratio_of_underflows)
     CHECK_REL((double)r.of[FACET_PDF][0], pdf, 3e-4, 0);
 }
 
-/* The sampler lands where its own distribution says: h on the sphere, wi mirrored, known medians.
- */
+/* The sampler lands where its own distribution says: h on the sphere, wi mirrored, known medians. */
 TEST(sampler_by_hand)
 {
     facet_material m = material(FACET_BECKMANN, (facet_roughness){.alpha_x = 0.5, .alpha_y = 0.5});
