@@ -298,7 +298,7 @@ static const facet_fit_candidate *smallest(const facet_fit *fit, double toleranc
 }
 
 /* Of the error of a Lambertian surface: what is left where a lobe is seen; where it may be chance. */
-#define SEEN 0.2
+#define SEEN 0.5
 #define CHANCE 0.9
 /* An error that is rounding alone, of which no share says anything. */
 #define EXACT 1e-9

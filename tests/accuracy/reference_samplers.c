@@ -86,7 +86,8 @@ static quad bounded_pdf(const facet_material *material, const double wo[3], cons
     quad r = sqrtq(k.s * k.s + k.c * k.c), share = reference_bounded_share(material, wo), m[3];
     to_standard(&material->roughness, H, m);
     quad C = 2 * (k.a * m[0] + k.b * m[1] + k.c * m[2]) / r * m[2] - k.c / r; /* k' mirrored at m */
-    if (C < -share * k.c / r) return 0;
+    /* Of a wo of length 1 nothing above the horizon is below the cap; of others it is not cut. */
+    if (C < -share * k.c / r && H[2] <= wo[2]) return 0;
     quad d = reference_ndf(material, H);
     if (k.c < 0) return d * (r - k.c) / (2 * k.s * k.s); /* K = 1; r + c without the difference */
     return d / (2 * (share * k.c + r));
