@@ -6,7 +6,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Where log_q lies this far below its peak it adds nothing to what is seen even from far behind, where a double holds that. */
+/*
+ * Where log_q lies this far below its peak, next to nothing is left that a double holds.  What is seen
+ * from far behind is the tail alone: to the sum of all of it nothing is added from 150 on.
+ */
 #define NEGLIGIBLE 650.0
 /* And where all that is left is this much of what there is, rounding is more. */
 #define ROUNDED 1e-18

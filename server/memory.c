@@ -20,8 +20,8 @@ enum {
      */
     HEAPS = 1,
     /*
-     * Under load too: else the process holds the most that requests ever held at once, which only
-     * grows (64 connections of mixed load: 53 MB, then 61, where 22 are used).  A call took 1 to 2 ms.
+     * Under load too: else the process holds the most that requests ever held at once (64 connections of
+     * mixed load: 53, then 61 MB, where 32 do).  A call took 1 to 2 ms.
      */
     KEPT_US = 2000000
 };

@@ -122,7 +122,7 @@ static void write_choice(FILE *md)
         md,
         "\n### What `auto` goes by\n\nVariance times time summed over wo, of plain visible normals "
         "(`caps`, `slope`) over that of the other. `auto` takes `bounded` for GGX of minor radius 0.1 or "
-        "more, where only long ellipses lose and they little, and `vcavity` for Beckmann.\n\n"
+        "more, where only long ellipses lose and they little, and `vcavity` for Beckmann with V-cavities.\n\n"
         "| alpha_1 | alpha_2 | GGX, Smith: bounded | GGX, V-cavity: bounded | vcavity | "
         "Beckmann, V-cavity: vcavity |\n|---|---|---|---|---|---|\n");
     for (size_t k = 0; k < sizeof radii / sizeof *radii; k++) {
