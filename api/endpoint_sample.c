@@ -10,6 +10,7 @@
 #include "sequence.h"
 #include "transmission.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -108,6 +109,7 @@ struct job {
     struct pairing pairing; /* first: wo, second: u */
     struct promise promise;
     double input_error; /* of wo, times facet_closeness of all of them */
+    facet_depth depth;  /* of all wo */
     bool any_below;     /* some wo, where it matters */
     bool is_dense;      /* with transmission: some wo are on the side of the larger index */
     double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf, *solid_angle;
@@ -131,7 +133,8 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
                         : api_surface_sample_bound(&job->surface, tier, job->sampler,
                                                    job->input_error, bound);
     if (!promised) return false;
-    *bound += job->surface.parameter_error;
+    *bound += job->surface.parameter_error +
+              facet_sample_depth_error(job->surface.brdf, job->sampler, &job->depth);
     *bound = api_represented(&job->representation, *bound);
     return true;
 }
@@ -329,8 +332,10 @@ static bool survey_wo(struct call *call, struct job *job)
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
     const bool is_turned = api_material_is_turned(&job->in->material);
-    for (size_t i = 0, n; (error > 0 || job->surface.bsdf || is_turned) && i < job->wo.count;
-         i += n) {
+    const facet_depth deepest = {DBL_MAX, DBL_MAX, DBL_MAX};
+    const bool deep = facet_sample_depth_error(job->surface.brdf, job->sampler, &deepest) > 0;
+    for (size_t i = 0, n;
+         (error > 0 || job->surface.bsdf || is_turned || deep) && i < job->wo.count; i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
         if (!api_still_wanted(call)) return false;
         api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
@@ -340,6 +345,7 @@ static bool survey_wo(struct call *call, struct job *job)
         for (size_t k = 0; k < n; k++) job->any_below = job->any_below || wo.z[k] < 0;
         job->input_error = fmax(job->input_error,
                                 error * facet_closeness(job->surface.brdf, wo, wo, n, true));
+        if (deep) facet_depth_survey(job->surface.brdf, job->sampler, wo, wo, n, &job->depth);
     }
     return true;
 }
@@ -393,8 +399,11 @@ static bool prepare(struct call *call, struct job *job)
                        (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
         !api_promise(&in->accuracy, bound_of, job,
-                     api_bound_obstacle(&job->surface, 1, job->input_error), call->problem,
-                     &job->promise))
+                     api_bound_obstacle(
+                         &job->surface, 1,
+                         facet_sample_depth_error(job->surface.brdf, job->sampler, &job->depth),
+                         job->input_error),
+                     call->problem, &job->promise))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);

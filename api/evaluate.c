@@ -60,6 +60,16 @@ static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity 
                : facet_pdf_bound(brdf, tier, job->evaluation->sampler, error, bound);
 }
 
+double api_depth_error(const struct job *job, const facet_depth *depth)
+{
+    double worst = 0;
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        if (api_is_asked(job, q))
+            worst = fmax(worst, facet_depth_error(job->surface.brdf, (facet_quantity)q,
+                                                  job->evaluation->sampler, depth));
+    return worst;
+}
+
 static bool bound_of(const void *job_, facet_tier tier, double *bound)
 {
     const struct job *job = job_;
@@ -70,6 +80,8 @@ static bool bound_of(const void *job_, facet_tier tier, double *bound)
         if (!kernel_bound(job, tier, (facet_quantity)q, &b)) return false;
         b += job->surface.parameter_error + api_surface_error(&job->surface);
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
+        b += facet_depth_error(job->surface.brdf, (facet_quantity)q, job->evaluation->sampler,
+                               &job->depth);
         if (b > *bound) *bound = b;
     }
     if (!are_floats(job)) *bound = api_represented(&job->evaluation->representation, *bound);
@@ -83,9 +95,13 @@ static bool takes_floats(const struct job *job)
            api_surface_takes_floats(&job->surface) && api_pairs_are_floats(&job->pairs);
 }
 
-const char *api_bound_obstacle(const struct surface *surface, double condition, double input_error)
+const char *api_bound_obstacle(const struct surface *surface, double condition, double depth_error,
+                               double input_error)
 {
     const facet_roughness *r = &surface->facet.roughness;
+    if (depth_error >= 1)
+        return "from so far behind the mean facets a table tells nothing of what is seen; GGX and Beckmann have "
+               "other samplers";
     if (condition > 1 / DBL_EPSILON)
         return "shear \"thesis\" divides by what cancels or underflows at these directions; \"energy_safe\" does "
                "not";
@@ -213,7 +229,8 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
         return false;
     job->takes_floats = takes_floats(job);
     if (!api_promise(evaluation->accuracy, bound_of, job,
-                     api_bound_obstacle(&job->surface, job->condition, job->input_error),
+                     api_bound_obstacle(&job->surface, job->condition,
+                                        api_depth_error(job, &job->depth), job->input_error),
                      call->problem, &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);

@@ -51,10 +51,11 @@ bool api_answer_evaluation(struct call *call, const struct evaluation *evaluatio
 /* channels as requested (-1: not), checked against what the material has; 0 and a problem if
  * impossible. */
 size_t api_channels(int64_t requested, size_t material, struct problem *problem);
-/* 422 at /outputs where an answer would hold too many numbers. */
 /* Why lib may promise nothing for a surface in any tier, and what helps. */
-const char *api_bound_obstacle(const struct surface *surface, double condition, double input_error);
+const char *api_bound_obstacle(const struct surface *surface, double condition, double depth_error,
+                               double input_error);
 
+/* 422 at /outputs where an answer would hold too many numbers. */
 bool api_numbers_fit(size_t count, size_t per_element, struct problem *problem);
 
 #endif

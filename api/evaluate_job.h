@@ -37,6 +37,7 @@ struct job {
     struct promise promise;
     double condition;   /* facet_condition of all pairs */
     double input_error; /* of the directions, times facet_closeness of all pairs */
+    facet_depth depth;  /* facet_depth_survey of all pairs */
     bool takes_floats;  /* the directions are floats, and the float calls do all that is asked */
     size_t channels;
     uint32_t outputs; /* of this round */
@@ -65,8 +66,9 @@ bool api_open_slots(const struct call *call, struct job *job, uint32_t outputs, 
 bool api_run_round(struct call *call, struct job *job, uint32_t outputs, size_t *at);
 
 /*
- * What the bound needs to know of all pairs before a tier can be chosen: only the thesis's shear, and
- * directions that were computed and not sent, need it.  Fills condition and input_error.
+ * What the bound needs to know of all pairs before a tier can be chosen: only the thesis's shear,
+ * directions that were computed and not sent, and tables seen from behind need it.  Fills condition, depth
+ * and input_error.
  */
 bool api_survey_pairs(struct call *call, struct job *job);
 
@@ -86,6 +88,9 @@ static inline size_t api_width_of(const struct job *job, int quantity)
 {
     return api_quantity_is_coloured[quantity] ? job->channels : 1;
 }
+
+/* The largest facet_depth_error of all that is asked. */
+double api_depth_error(const struct job *job, const facet_depth *depth);
 
 size_t api_numbers_per_pair(const struct job *job);
 

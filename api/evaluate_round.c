@@ -1,6 +1,7 @@
 /* evaluate_round.c - chunks of an evaluation shared among threads, and what all pairs have in common. */
 #include "evaluate_job.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 
@@ -126,6 +127,7 @@ struct look {
     struct seen {
         facet_status status;
         double condition, closeness;
+        facet_depth depth;
         size_t below; /* the first wo below the horizon; SIZE_MAX: none */
     } seen[SLOTS_MAX];
 };
@@ -143,7 +145,7 @@ static void look_at_chunk(void *look_, size_t index)
     const struct job *job = look->job;
     double v[6][BLOCK], *const in[6] = {v[0], v[1], v[2], v[3], v[4], v[5]};
     const facet_vec3_in wi = {v[0], v[1], v[2]}, wo = {v[3], v[4], v[5]};
-    struct seen seen = {FACET_OK, 1, 1, SIZE_MAX};
+    struct seen seen = {.condition = 1, .closeness = 1, .below = SIZE_MAX};
     size_t at = look->at + index * CHUNK, end = at + CHUNK, count = job->pairs.pairing.count;
     if (end > count) end = count;
     for (size_t n; at < end && !seen.status; at += n) {
@@ -152,6 +154,7 @@ static void look_at_chunk(void *look_, size_t index)
         api_pairs_fill(&job->pairs, at, n, false, in);
         seen.status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         seen.condition = fmax(seen.condition, condition);
+        facet_depth_survey(job->surface.brdf, job->evaluation->sampler, wi, wo, n, &seen.depth);
         for (size_t k = 0; k < n && seen.below == SIZE_MAX; k++)
             if (wo.z[k] < 0) seen.below = at + k;
         if (job->pairs.input_error > 0)
@@ -186,7 +189,10 @@ bool api_survey_pairs(struct call *call, struct job *job)
     job->condition = 1;
     job->input_error = error;
     const bool front = needs_front(job);
-    if (job->surface.facet.shear != FACET_THESIS && error == 0 && !front) return true;
+    const facet_depth deepest = {DBL_MAX, DBL_MAX, DBL_MAX};
+    if (job->surface.facet.shear != FACET_THESIS && error == 0 && !front &&
+        api_depth_error(job, &deepest) == 0)
+        return true;
     for (; look.at < count; look.at += SLOTS_MAX * (size_t)CHUNK) {
         size_t chunks = (count - look.at + CHUNK - 1) / CHUNK;
         if (chunks > SLOTS_MAX) chunks = SLOTS_MAX;
@@ -197,6 +203,9 @@ bool api_survey_pairs(struct call *call, struct job *job)
             if (seen->status) return api_problem_status(call->problem, seen->status, NULL);
             if (front && seen->below != SIZE_MAX) return refuse_below(call, seen->below);
             job->condition = fmax(job->condition, seen->condition);
+            job->depth.wo = fmax(job->depth.wo, seen->depth.wo);
+            job->depth.least = fmax(job->depth.least, seen->depth.least);
+            job->depth.most = fmax(job->depth.most, seen->depth.most);
             job->input_error = fmax(job->input_error, error * seen->closeness);
         }
     }

@@ -211,6 +211,7 @@ static facet_status integrate_direction(struct albedo *a, double x, double y, do
     if (!(z > 0)) return FACET_OK;
     a->view = facet_albedo_view_of(&a->m.surface, x, y, z);
     a->m.condition = 1;
+    a->m.depth = (facet_depth){0, 0, 0};
     a->behind = a->m.material.ndf != FACET_GGX &&
                 -a->view.c > ALBEDO_BEHIND * hypot(a->view.a, a->view.b);
     facet_status status = integrate_to(a, tolerance, &sum);

@@ -68,6 +68,8 @@ facet_status facet_albedo_evaluate(struct albedo_material *a, struct albedo_pair
         status = facet_condition(a->brdf, wi, wo, ALBEDO_POINTS, &condition);
         a->condition = fmax(a->condition, condition);
     }
+    if (a->material.ndf == FACET_TABULATED && !a->is_central)
+        facet_depth_survey(a->brdf, FACET_SAMPLER_AUTO, wi, wo, ALBEDO_POINTS, &a->depth);
     a->budget -= a->budget < ALBEDO_POINTS ? a->budget : ALBEDO_POINTS;
     a->spent += ALBEDO_POINTS;
     a->since_asked += ALBEDO_POINTS;
@@ -100,7 +102,8 @@ double facet_albedo_evaluation_bound(const struct albedo_material *a)
         !facet_bound(a->brdf, FACET_PRECISE, FACET_D, 0, &d) ||
         !facet_bound(a->standard, FACET_PRECISE, FACET_D, 0, &p))
         return INFINITY;
-    return fr_cos * a->condition + d + p + 32 * DBL_EPSILON;
+    double behind = facet_depth_error(a->brdf, FACET_FR_COS, FACET_SAMPLER_AUTO, &a->depth);
+    return fr_cos * a->condition + behind + d + p + 32 * DBL_EPSILON;
 }
 
 facet_status facet_albedo_ask(struct albedo_material *a)

@@ -38,6 +38,7 @@ struct albedo_material {
     bool half;       /* a mirror image of one half */
     bool turned;     /* the standard slopes are not radial */
     double condition;
+    facet_depth depth;
 };
 
 struct albedo_pairs {

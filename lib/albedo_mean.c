@@ -256,6 +256,7 @@ static facet_status at_normal(struct mean *m, double r, double weight, struct in
         m->absolute[c] = fmax(target, FACET_FLOOR * 1e-3) / (2 * FACET_PI * weight);
     }
     a->condition = 1;
+    a->depth = (facet_depth){0, 0, 0};
     struct integrate rule = {.fn = along_theta,
                              .user = m,
                              .values = a->channels,

@@ -340,9 +340,13 @@ bool facet_pdf_bound(const facet_brdf *b, facet_tier tier, facet_sampler sampler
     if (facet_batch_sampler(b, sampler, &density)) return false;
     if (density == FACET_SAMPLER_AUTO) return facet_bound(b, tier, FACET_PDF, input_error, bound);
     facet_brdf twin;
-    if (density == FACET_SAMPLER_TABLE)
-        return tier == FACET_PRECISE && facet_table_twin(b, &twin) &&
-               facet_bound(&twin, tier, FACET_PDF, input_error, bound);
+    if (density == FACET_SAMPLER_TABLE) {
+        if (tier != FACET_PRECISE || !facet_table_twin(b, &twin) ||
+            !facet_bound(&twin, tier, FACET_PDF, input_error, bound))
+            return false;
+        *bound += facet_table_density_error(b->material.ndf, false);
+        return true;
+    }
     if (!facet_bound(b, tier, density == FACET_SAMPLER_BOUNDED ? FACET_PDF : FACET_D, input_error,
                      bound))
         return false;

@@ -347,6 +347,29 @@ facet_status facet_condition(const facet_brdf *brdf, facet_vec3_in wi, facet_vec
 double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in wo, size_t n,
                        bool exact_z);
 
+/*
+ * From how far behind the mean facets a surface is looked at, in its slopes (of alpha = 1 where it is not a
+ * table): wo, and of pairs above the horizon the lesser and the greater of both; 0 in front.
+ * Begin with zeros; each survey raises them.
+ */
+typedef struct facet_depth {
+    double wo, least, most;
+} facet_depth;
+
+void facet_depth_survey(const facet_brdf *brdf, facet_sampler sampler, facet_vec3_in wi,
+                        facet_vec3_in wo, size_t n, facet_depth *depth);
+
+/*
+ * What the bound of a quantity grows by, relative, at such depths: from where sigma of a table is fainter
+ * than FACET_FLOOR it is told less well, and where it is next to 0 not at all: INFINITY.  Of PDF with
+ * sampler TABLE for GGX and Beckmann too; 0 for everything else.
+ */
+double facet_depth_error(const facet_brdf *brdf, facet_quantity quantity, facet_sampler sampler,
+                         const facet_depth *depth);
+/* The same for facet_sample_bound. */
+double facet_sample_depth_error(const facet_brdf *brdf, facet_sampler sampler,
+                                const facet_depth *depth);
+
 /* ---- Sample ------------------------------------------------------------------- */
 
 /* What to compute: NULL is not computed, and a vec3 is all or nothing. */

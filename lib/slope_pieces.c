@@ -7,10 +7,10 @@
 #include <stdlib.h>
 
 /*
- * Where log_q lies this far below its peak, next to nothing is left that a double holds.  What is seen
- * from far behind is the tail alone: to the sum of all of it nothing is added from 150 on.
+ * Where log_q lies this far below its peak, nothing is left that a double holds.  What is seen from
+ * far behind is the tail alone: to the sum of all of it nothing is added from 150 on.
  */
-#define NEGLIGIBLE 650.0
+#define NEGLIGIBLE 745.0
 /* And where all that is left is this much of what there is, rounding is more. */
 #define ROUNDED 1e-18
 /* Variation of log_q on one piece: 8 Gauss points integrate exp over it to 2e-15. */

@@ -16,6 +16,7 @@
 #define PSI_CELLS_MAX 2048
 #define SIGMA_ERROR 2e-10
 #define PSI_ERROR 2.5e-7
+#define FAR_ERROR 1e-5
 /* A table is normalised to this, in so many passes at most. */
 #define MASS_ERROR 1e-13
 #define PASSES_MAX 3
@@ -72,14 +73,25 @@ static void tabulate_psi(const struct psi_node *node, size_t cells, double middl
 static void measure_psi(facet_slope_table *table, const struct psi_node *between)
 {
     struct kernel_cubic log_psi = table->view.log_psi;
-    table->sigma_error = table->psi_error = 0;
-    for (size_t i = 0; i < log_psi.cells; i++) {
+    double b = table->view.slope_scale, cells = (double)log_psi.cells;
+    table->sigma_error = table->psi_error = table->far_error = 0;
+    table->near = table->reach = table->end = INFINITY;
+    for (size_t i = log_psi.cells; i-- > 0;) { /* from c = 0 on */
         const double *c = log_psi.c + 4 * i;
-        double w = ((double)i + 0.5) / (double)log_psi.cells;
+        double w = ((double)i + 0.5) / cells, begins = b * (cells / ((double)i + 1) - 1);
         double exact = w * exp(between[i].y); /* S = 1, |c| = (1-w)/w */
         double error = fabs(w * exp(c[0] + c[1] / 2 + c[2] / 4 + c[3] / 8) - exact);
         table->sigma_error = fmax(table->sigma_error, error / ((1 - w) / w + exact));
-        table->psi_error = fmax(table->psi_error, error / fmax(exact, FACET_FLOOR));
+        if (exact >= FACET_FLOOR) {
+            table->psi_error = fmax(table->psi_error, error / exact);
+            continue;
+        }
+        table->near = fmin(table->near, begins);
+        if (exact >= SLOPE_FAINT)
+            table->far_error = fmax(table->far_error, error / exact);
+        else
+            table->reach = fmin(table->reach, begins);
+        if (exact == 0) table->end = fmin(table->end, b * (cells / (double)i - 1));
     }
 }
 
@@ -95,7 +107,8 @@ static void tabulate_sigma(facet_slope_table *table, const struct slope_pieces *
         tabulate_psi(node, cells, between[0].y, c);
         table->view.log_psi = (struct kernel_cubic){c, cells};
         measure_psi(table, between);
-        bool good = table->sigma_error <= SIGMA_ERROR && table->psi_error <= PSI_ERROR;
+        bool good = table->sigma_error <= SIGMA_ERROR && table->psi_error <= PSI_ERROR &&
+                    table->far_error <= FAR_ERROR;
         if (good || 2 * cells > PSI_CELLS_MAX) return;
         for (size_t i = cells + 1; i-- > 0;) {
             node[2 * i] = node[i];

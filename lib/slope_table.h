@@ -19,6 +19,9 @@ struct slope_reach {
     double size, most, gain, rise, steep;
 };
 
+/* Far enough above what doubles hold that D is told wherever a density beside it passes FACET_FLOOR. */
+#define SLOPE_FAINT 1e-250
+
 /*
  * The model is D as view.log_q tabulates it: exact up to rounding.  sigma is
  * the integral of that D, tabulated in turn, so it carries an error of its own,
@@ -28,7 +31,10 @@ struct facet_slope_table {
     struct kernel_table view;   /* first: what a kernel holds is the table */
     struct slope_pieces pieces; /* of log_q; sampling inverts their sums */
     double sigma_error;         /* of sigma(k), relative, c >= 0 */
-    double psi_error;           /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
+    double psi_error;           /* of sigma(k), relative, c < 0 and |c|/s <= near */
+    double far_error;           /* the same, |c|/s <= reach */
+    double near, reach;         /* as far as sigma >= FACET_FLOOR and SLOPE_FAINT of scale s */
+    double end;                 /* from |c|/s >= end nothing is seen */
     double gain; /* largest derivative of log D by log tan theta or the azimuth, where D counts */
     struct slope_reach q, psi; /* psi beside c > 0 */
     struct slope_reach behind,

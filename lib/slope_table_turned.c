@@ -135,6 +135,7 @@ static facet_status fill(facet_slope_table *table, const struct sizes *s, double
     if (status) return status;
     table->gain = sums.gain;
     table->quantile_gain = RAY_GAIN;
+    table->near = table->reach = table->end = INFINITY; /* it is not seen from behind */
     double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
     status = fill_psi(table, s->psi_cells, c);
     bool again = table->sigma_error > SIGMA_ERROR && s->psi_cells_most > s->psi_cells;

@@ -8,6 +8,9 @@
 #include "batch.h"
 #include "facet_table.h"
 
+/* What the D of such a table is off by, relative, where a density passes FACET_FLOOR; far: behind where a view's sigma does. */
+double facet_table_density_error(facet_ndf ndf, bool far);
+
 /* The table at alpha = 1, built when first asked for and kept; NULL: no memory. */
 const facet_slope_table *facet_table_of(facet_ndf ndf);
 

@@ -2,6 +2,7 @@
 #include "check.h"
 #include "slope_pieces.h"
 #include "slope_table.h"
+#include "table_closed.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -66,6 +67,27 @@ static double norm(const facet_slope_table *table)
         sum += 2 * PI * r * p * b / ((1 - u) * (1 - u)) / STEPS;
     }
     return sum;
+}
+
+/* From in front a density passes its floor as far as 10.2 slopes, from behind as far as D is told at all. */
+TEST(tables_of_closed_distributions)
+{
+    for (int ndf = GGX; ndf <= BECKMANN; ndf++) {
+        const facet_slope_table *table = facet_table_of((facet_ndf)ndf);
+        double front = 0, behind = 0, end = ndf == GGX ? 1e9 : 25.9;
+        for (double r = 1e-9; table && r < end; r += r < 1        ? r * .01
+                                                     : ndf == GGX ? r * .01
+                                                                  : 1e-3) {
+            double x = log(slope_density(ndf, 1, r)) + 2 * log1p(r * r);
+            if (ndf == BECKMANN) x = -r * r - log(PI) + 2 * log1p(r * r);
+            double error = fabs(expm1(facet_slope_table_log_d(table, r) - x));
+            behind = check_worse(behind, error);
+            if (r < 13) front = check_worse(front, error);
+        }
+        check_note("D", behind);
+        CHECK(front <= 1e-11 + facet_table_density_error((facet_ndf)ndf, false));
+        CHECK(behind <= 1e-11 + facet_table_density_error((facet_ndf)ndf, true));
+    }
 }
 
 TEST(closed_forms)
