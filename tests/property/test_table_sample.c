@@ -5,6 +5,7 @@
 #include "facet_table.h"
 #include "gauss.h"
 #include "rng.h"
+#include "scene.h"
 
 #include <float.h>
 #include <math.h>
@@ -29,74 +30,6 @@ static facet_slope_table *table_of(facet_ndf ndf, double alpha)
     return table;
 }
 
-/* A view, and what the test knows of the surface: h of standard slopes and back. */
-struct scene {
-    const facet_brdf *brdf;
-    facet_roughness r;
-    double scale, wo[3], c, s, ca, cb; /* standard frame: along wo */
-};
-
-static double kappa(const facet_roughness *r)
-{
-    return sqrt((1 - r->rho) * (1 + r->rho));
-}
-
-static void look_from(struct scene *scene, double theta, double phi)
-{
-    const facet_roughness *r = &scene->r;
-    double *wo = scene->wo;
-    wo[0] = sin(theta) * cos(phi), wo[1] = sin(theta) * sin(phi), wo[2] = cos(theta);
-    double a = r->alpha_x * wo[0] + r->rho * r->alpha_y * wo[1], b = kappa(r) * r->alpha_y * wo[1];
-    scene->s = hypot(a, b);
-    scene->c = wo[2] - wo[0] * r->slope_x - wo[1] * r->slope_y;
-    scene->ca = scene->s > 0 ? a / scene->s : 1;
-    scene->cb = scene->s > 0 ? b / scene->s : 0;
-}
-
-/* The slope (along, across) of a micronormal; slopes point away from where normals lean. */
-static void slopes_of(const struct scene *scene, const double h[3], double slope[2])
-{
-    const facet_roughness *r = &scene->r;
-    double x = (-h[0] / h[2] - r->slope_x) / r->alpha_x;
-    double y = ((-h[1] / h[2] - r->slope_y) / r->alpha_y - r->rho * x) / kappa(r);
-    slope[0] = -(x * scene->ca + y * scene->cb);
-    slope[1] = -(y * scene->ca - x * scene->cb);
-}
-
-/* D_vis as eval answers it, per area of standard slopes: D_vis h_z^3 det, at n places on rings. */
-static void densities(const struct scene *scene, const double *radius, const double *turn, size_t n,
-                      double *out)
-{
-    static double i[3][POINTS * TURNS], o[3][POINTS * TURNS], z[POINTS * TURNS];
-    const facet_roughness *r = &scene->r;
-    for (size_t k = 0; k < n; k++) {
-        double along = radius[k] * cos(turn[k]), across = radius[k] * sin(turn[k]);
-        double x = -(along * scene->ca - across * scene->cb),
-               y = -(along * scene->cb + across * scene->ca);
-        double h[3] = {-(r->alpha_x * x + r->slope_x),
-                       -(r->alpha_y * (r->rho * x + kappa(r) * y) + r->slope_y), 1};
-        double length = sqrt(h[0] * h[0] + h[1] * h[1] + 1), dot = 0;
-        for (int j = 0; j < 3; j++) h[j] /= length, dot += h[j] * scene->wo[j];
-        for (int j = 0; j < 3; j++) i[j][k] = 2 * dot * h[j] - scene->wo[j], o[j][k] = scene->wo[j];
-        z[k] = h[2];
-    }
-    facet_outputs outputs;
-    memset(&outputs, 0, sizeof outputs);
-    outputs.of[FACET_D_VIS][0] = out;
-    CHECK_INT(facet_eval(scene->brdf, FACET_PRECISE, (facet_vec3_in){i[0], i[1], i[2]},
-                         (facet_vec3_in){o[0], o[1], o[2]}, n, &outputs),
-              FACET_OK);
-    double det = r->alpha_x * r->alpha_y * kappa(r);
-    for (size_t k = 0; k < n; k++) out[k] *= z[k] * z[k] * z[k] * det;
-}
-
-/* How far a ring is seen to either side. */
-static double turn_end(const struct scene *scene, double radius)
-{
-    double cosine = -scene->c / (scene->s * radius);
-    return cosine > -1 ? cosine < 1 ? acos(cosine) : 0 : PI;
-}
-
 /* Probability of the rings from u0 to u1, u = r/(scale + r). */
 static double rings(const struct scene *scene, double u0, double u1)
 {
@@ -107,11 +40,11 @@ static double rings(const struct scene *scene, double u0, double u1)
     double b = scene->scale, end[POINTS];
     for (int p = 0; p < POINTS; p++) {
         double u = u0 + (u1 - u0) * node[p], r = b * u / (1 - u);
-        end[p] = turn_end(scene, r);
+        end[p] = scene_turn_end(scene, r);
         for (int k = 0; k < TURNS; k++)
             radius[p * TURNS + k] = r, turn[p * TURNS + k] = end[p] * t[k];
     }
-    densities(scene, radius, turn, POINTS * TURNS, value);
+    scene_densities(scene, radius, turn, POINTS * TURNS, value);
     for (int p = 0; p < POINTS; p++) {
         double u = u0 + (u1 - u0) * node[p], r = b * u / (1 - u), ring = 0;
         for (int k = 0; k < TURNS; k++) ring += value[p * TURNS + k] * w[k] * 2 * end[p];
@@ -140,33 +73,20 @@ static double probability(const struct scene *scene, double u0, double u1)
     return sum;
 }
 
-static void draw(const struct scene *scene, facet_sampler sampler, const double *u1,
-                 const double *u2, size_t n, double h[3][QUANTILES], double wi[3][QUANTILES],
-                 double *pdf)
-{
-    static double o[3][QUANTILES];
-    for (size_t k = 0; k < n; k++)
-        for (int j = 0; j < 3; j++) o[j][k] = scene->wo[j];
-    facet_samples out = {{wi[0], wi[1], wi[2]}, {h[0], h[1], h[2]}, {0}, pdf};
-    CHECK_INT(facet_sample(scene->brdf, FACET_PRECISE, sampler, (facet_vec3_in){o[0], o[1], o[2]},
-                           u1, u2, n, &out),
-              FACET_OK);
-}
-
 /* CDF of rings at the quantiles of u1, and of the places along each at one u2. */
 static double ring_distance(const struct scene *scene, const double *u1, const double *u2,
-                            const double h[3][QUANTILES])
+                            const double h[3][SCENE_MAX])
 {
     double worst = 0, below = 0, at = 0;
     for (size_t k = 0; k <= QUANTILES; k++) {
         double slope[2] = {INFINITY, 0};
-        if (k < QUANTILES) slopes_of(scene, (double[3]){h[0][k], h[1][k], h[2][k]}, slope);
+        if (k < QUANTILES) scene_slopes(scene, (double[3]){h[0][k], h[1][k], h[2][k]}, slope);
         double r = hypot(slope[0], slope[1]), u = k < QUANTILES ? r / (scene->scale + r) : 1;
         below += probability(scene, at, u);
         at = u;
         worst = check_worse(worst, fabs(below - (k < QUANTILES ? u1[k] : 1)));
         if (k == QUANTILES || k == 0) continue; /* the first ring is a point, or seen in one */
-        double c = scene->c, s = scene->s * r, end = turn_end(scene, r),
+        double c = scene->c, s = scene->s * r, end = scene_turn_end(scene, r),
                phi = atan2(slope[1], slope[0]);
         double share = (c * phi + s * sin(phi)) / (c * end + s * sin(end)) / 2 + 0.5;
         worst = check_worse(worst, fabs(share - u2[k]));
@@ -177,7 +97,7 @@ static double ring_distance(const struct scene *scene, const double *u1, const d
 /* against: whose pdf the samples have; bound: of the two. */
 static void check_scene(struct scene *scene, facet_sampler against, double bound, const char *name)
 {
-    static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES],
+    static double u1[QUANTILES], u2[QUANTILES], h[3][SCENE_MAX], wi[3][SCENE_MAX], pdf[QUANTILES],
         again[QUANTILES], o[3][QUANTILES];
     for (int k = 0; k < QUANTILES; k++) {
         u1[k] = (double)k / QUANTILES; /* 0 included */
@@ -185,7 +105,7 @@ static void check_scene(struct scene *scene, facet_sampler against, double bound
         u2[k] = fmod(0.5 + 0.618033988749895 * k, 1);
         for (int j = 0; j < 3; j++) o[j][k] = scene->wo[j];
     }
-    draw(scene, FACET_SAMPLER_TABLE, u1, u2, QUANTILES, h, wi, pdf);
+    scene_draw(scene, FACET_SAMPLER_TABLE, u1, u2, QUANTILES, h, wi, pdf);
     size_t compared = 0;
     double distance = ring_distance(scene, u1, u2, h);
     check_note("Kolmogorov-Smirnov", distance);
@@ -231,7 +151,7 @@ TEST(samples_have_the_density_that_eval_answers)
                 CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
                 struct scene scene = {.brdf = brdf, .r = m.roughness, .scale = 1.5 * alphas[a]};
                 for (size_t v = 0; v < 4 && brdf; v++) {
-                    look_from(&scene, views[v], 0.3 + (double)v);
+                    scene_look_from(&scene, views[v], 0.3 + (double)v);
                     check_scene(&scene, FACET_SAMPLER_AUTO, 1e-8,
                                 ndf == FACET_GGX ? "ggx" : "beckmann");
                 }
@@ -255,7 +175,7 @@ TEST(closed_distributions_by_their_tables)
             struct scene scene = {
                 .brdf = brdf, .r = m.roughness, .scale = ndf == FACET_GGX ? 1 : 8};
             for (size_t v = 0; v < 4 && brdf; v++) {
-                look_from(&scene, views[v], 0.3 + (double)v);
+                scene_look_from(&scene, views[v], 0.3 + (double)v);
                 check_scene(&scene, FACET_SAMPLER_TABLE, 1e-8, "a table of its own");
                 check_scene(&scene, facet_sampler_visible(m.ndf), 4e-8, "a table of its own");
             }
@@ -271,7 +191,7 @@ TEST(closed_distributions_by_their_tables)
 /* All normals: the ring of GGX's table with u1 of them inside is GGX's own, and both densities agree. */
 TEST(all_normals_are_those_of_the_source)
 {
-    static double u1[QUANTILES], u2[QUANTILES], h[3][QUANTILES], wi[3][QUANTILES], pdf[QUANTILES],
+    static double u1[QUANTILES], u2[QUANTILES], h[3][SCENE_MAX], wi[3][SCENE_MAX], pdf[QUANTILES],
         again[QUANTILES], o[3][QUANTILES];
     facet_slope_table *table = table_of(FACET_GGX, 0.3);
     facet_material m = {
@@ -284,20 +204,20 @@ TEST(all_normals_are_those_of_the_source)
     if (!brdf) return;
     struct scene scene = {.brdf = brdf, .r = m.roughness, .scale = 0.45};
     size_t compared = 0;
-    look_from(&scene, 0.7, 2);
+    scene_look_from(&scene, 0.7, 2);
     for (int k = 0; k < QUANTILES; k++) {
         u1[k] = k == QUANTILES - 1 ? 1 - 1e-9 : (double)k / QUANTILES;
         u2[k] = fmod(0.618033988749895 * k, 1);
         for (int j = 0; j < 3; j++) o[j][k] = scene.wo[j];
     }
-    draw(&scene, FACET_SAMPLER_NDF, u1, u2, QUANTILES, h, wi, pdf);
+    scene_draw(&scene, FACET_SAMPLER_NDF, u1, u2, QUANTILES, h, wi, pdf);
     CHECK_INT(facet_pdf(brdf, FACET_PRECISE, FACET_SAMPLER_NDF,
                         (facet_vec3_in){wi[0], wi[1], wi[2]}, (facet_vec3_in){o[0], o[1], o[2]},
                         QUANTILES, again),
               FACET_OK);
     for (int k = 0; k < QUANTILES; k++) {
         double slope[2], dot = 0;
-        slopes_of(&scene, (double[3]){h[0][k], h[1][k], h[2][k]}, slope);
+        scene_slopes(&scene, (double[3]){h[0][k], h[1][k], h[2][k]}, slope);
         double x2 = (slope[0] * slope[0] + slope[1] * slope[1]) / 0.09;
         CHECK(fabs(x2 / (1 + x2) - u1[k]) < 1e-6);
         for (int j = 0; j < 3; j++) dot += scene.wo[j] * h[j][k];
@@ -377,7 +297,7 @@ TEST(visible_normals_from_far_behind)
         double bound = 0;
         CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
         scene.brdf = brdf;
-        look_from(&scene, PI / 2, 0);
+        scene_look_from(&scene, PI / 2, 0);
         facet_depth depth = {.wo = -scene.c / scene.s};
         CHECK(facet_bound(brdf, FACET_PRECISE, FACET_D_VIS, 0, &bound));
         bound += facet_depth_error(brdf, FACET_D_VIS, FACET_SAMPLER_AUTO, &depth);
