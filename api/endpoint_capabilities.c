@@ -1,11 +1,13 @@
 /* GET /v1/capabilities: what this daemon can do, how accurately, how fast, within which limits. */
 #include "endpoint.h"
+#include "facet_fit.h"
 #include "limits.h"
 #include "material.h"
 #include "sampler.h"
 #include "speed.h"
 #include "tolerance.h"
 
+#include <math.h>
 #include <stdatomic.h>
 
 /* Of the materials that are described. */
@@ -25,6 +27,7 @@ struct promise_of_quantity {
 
 struct speed {
     const char *ndf;
+    int64_t azimuths; /* -1: a radial table, or none */
     double bound, ns_per_eval;
     struct list quantities; /* of struct promise_of_quantity */
 };
@@ -77,7 +80,10 @@ static const struct field quantity_fields[] = {
 
 static const struct field speed_fields[] = {
     {F(speed, ndf), FIELD_TEXT, FIELD_MUST,
-     .doc = "an isotropic material, alpha 0.3, F = 1; of transmission: eta 1.5"},
+     .doc = "an isotropic material, alpha 0.3, F = 1; of transmission: eta 1.5; of tabulated: GGX "
+            "at 25 nodes, any other table promises what it is measured to"},
+    {F(speed, azimuths), FIELD_INTEGER,
+     .doc = "rows of its slope table, if it is one over the azimuth"},
     {F(speed, bound), FIELD_NUMBER, FIELD_MUST, .doc = "relative error promised for its fr"},
     {F(speed, ns_per_eval), FIELD_NUMBER, FIELD_MUST, .unit = "ns",
      .doc = "one fr, in a batch, measured once, on this machine"},
@@ -151,20 +157,27 @@ static bool list_models(struct call *call, struct list *out)
     return true;
 }
 
-/* What a number costs, measured once: answers stay the same, as their ETag says. */
-static bool cost_of(const struct surface *surface, facet_tier tier, facet_quantity quantity,
-                    struct arena *arena, double *ns)
-{
-    static _Atomic double measured[2][FACET_NDF_COUNT][FACET_TIER_COUNT]
-                                  [FACET_QUANTITY_COUNT]; /* 0: not yet */
-    _Atomic double *first = &measured[surface->bsdf != NULL][surface->facet.ndf][tier][quantity];
-    double none = 0;
-    *ns = *first;
-    if (*ns != 0) return true;
-    if (!api_measure_eval(surface->brdf, surface->bsdf, tier, quantity, arena, ns)) return false;
-    if (!atomic_compare_exchange_strong(first, &none, *ns)) *ns = none;
-    return true;
-}
+/* What a tier promises of a quantity, and what one costs. */
+struct fact {
+    _Atomic double bound, ns; /* bound NaN: nothing is promised */
+};
+
+/* The materials that are described, and what is known of each: measured once, as an ETag asks for. */
+static struct subject {
+    facet_ndf ndf;
+    size_t azimuths; /* 0: no table, or a radial one */
+    bool transmission;
+    _Atomic bool known;
+    struct fact facts[FACET_TIER_COUNT][FACET_QUANTITY_COUNT];
+} subjects[] = {
+    {.ndf = FACET_GGX},
+    {.ndf = FACET_BECKMANN},
+    {.ndf = FACET_TABULATED},
+    {.ndf = FACET_TABULATED, .azimuths = FACET_FIT_ROWS / 2},
+    {.ndf = FACET_GGX, .transmission = true},
+    {.ndf = FACET_BECKMANN, .transmission = true},
+};
+enum { SUBJECTS = sizeof subjects / sizeof *subjects };
 
 static bool bound_of(const struct surface *surface, facet_tier tier, facet_quantity quantity,
                      double *bound)
@@ -175,49 +188,93 @@ static bool bound_of(const struct surface *surface, facet_tier tier, facet_quant
                : facet_bound(surface->brdf, tier, quantity, 0, bound);
 }
 
-static bool list_quantities(struct call *call, const struct surface *surface, facet_tier tier,
+/* A table of so many nodes as compact fits have, of GGX: D is the same along all normals. */
+static bool open_subject(const struct subject *subject, struct decoder *decoder,
+                         struct surface *surface)
+{
+    enum { NODES = FACET_FIT_COMPACT + 1 };
+    static double flat[NODES * FACET_FIT_ROWS / 2]; /* log D */
+    struct dielectric glass = {.eta = {.channels = 1, .value = {1.5}}};
+    struct slopes slopes = {1, subject->azimuths ? (struct matrix){subject->azimuths, NODES, flat}
+                                                 : (struct matrix){NODES, 1, flat}};
+    struct material material;
+    api_field_clear(api_material_fields, &material);
+    material.ndf = (int)subject->ndf;
+    material.alpha = ALPHA;
+    material.transmission = subject->transmission;
+    if (subject->ndf == FACET_TABULATED) material.slopes = &slopes;
+    if (subject->transmission)
+        material.fresnel = (struct fresnel){.form = FRESNEL_BY_KEY, .dielectric = &glass};
+    return api_material_open(&material, NULL, decoder, surface);
+}
+
+/* Who measures at the same time keeps what the first one found. */
+static bool learn(struct subject *subject, const struct surface *surface, double *room)
+{
+    for (int t = 0; t < FACET_TIER_COUNT; t++) {
+        for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
+            struct fact *fact = &subject->facts[t][q];
+            double bound, ns, none = 0;
+            if (!bound_of(surface, (facet_tier)t, (facet_quantity)q, &bound)) {
+                fact->bound = NAN;
+                continue;
+            }
+            if (!api_measure_eval(surface->brdf, surface->bsdf, (facet_tier)t, (facet_quantity)q,
+                                  room, &ns))
+                return false;
+            atomic_compare_exchange_strong(&fact->ns, &none, ns);
+            fact->bound = bound;
+        }
+    }
+    subject->known = true;
+    return true;
+}
+
+static bool learn_all(struct call *call)
+{
+    struct decoder decoder = {call->arena, call->problem};
+    double *room = api_arena_doubles(call->arena, SPEED_ROOM);
+    if (!room) return api_problem_memory(call->problem);
+    for (int i = 0; i < SUBJECTS; i++) {
+        struct surface surface;
+        if (subjects[i].known) continue;
+        if (!open_subject(&subjects[i], &decoder, &surface)) return false;
+        const facet_slope_table *table = surface.facet.table;
+        if (table && !facet_slope_table_has_floats(table)) return api_problem_memory(call->problem);
+        if (!learn(&subjects[i], &surface, room)) return api_problem_memory(call->problem);
+    }
+    return true;
+}
+
+static bool list_quantities(struct call *call, const struct fact facts[FACET_QUANTITY_COUNT],
                             struct list *out)
 {
     struct promise_of_quantity *list = api_arena_array(call->arena, FACET_QUANTITY_COUNT,
                                                        sizeof *list);
     if (!list) return api_problem_memory(call->problem);
     *out = (struct list){0, list};
-    for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
-        struct promise_of_quantity *one = &list[out->count];
-        one->quantity = quantity_names[q];
-        if (!bound_of(surface, tier, (facet_quantity)q, &one->bound)) continue;
-        if (!cost_of(surface, tier, (facet_quantity)q, call->arena, &one->ns))
-            return api_problem_memory(call->problem);
-        out->count++;
-    }
+    for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
+        if (!isnan(facts[q].bound))
+            list[out->count++] = (struct promise_of_quantity){quantity_names[q], facts[q].bound,
+                                                              facts[q].ns};
     return true;
 }
 
-/* One struct speed per analytic distribution that the tier has. */
+/* One struct speed per subject that the tier has. */
 static bool list_speeds(struct call *call, facet_tier tier, bool transmission, struct list *out)
 {
-    static const facet_ndf analytic[] = {FACET_GGX, FACET_BECKMANN};
-    enum { COUNT = sizeof analytic / sizeof *analytic };
-    struct decoder decoder = {call->arena, call->problem};
-    struct dielectric glass = {.eta = {.channels = 1, .value = {1.5}}};
-    struct speed *speeds = api_arena_array(call->arena, COUNT, sizeof *speeds);
+    struct speed *speeds = api_arena_array(call->arena, SUBJECTS, sizeof *speeds);
     if (!speeds) return api_problem_memory(call->problem);
     *out = (struct list){0, speeds};
-    for (int i = 0; i < COUNT; i++) {
-        struct material material;
-        struct surface surface;
-        api_field_clear(api_material_fields, &material);
-        material.ndf = analytic[i];
-        material.alpha = ALPHA;
-        material.transmission = transmission;
-        if (transmission)
-            material.fresnel = (struct fresnel){.form = FRESNEL_BY_KEY, .dielectric = &glass};
-        if (!api_material_open(&material, NULL, &decoder, &surface)) return false;
+    for (int i = 0; i < SUBJECTS; i++) {
+        const struct subject *subject = &subjects[i];
         struct speed *speed = &speeds[out->count];
-        speed->ndf = api_ndf_names[analytic[i]];
-        if (!list_quantities(call, &surface, tier, &speed->quantities)) return false;
+        if (subject->transmission != transmission) continue;
+        if (!list_quantities(call, subject->facts[tier], &speed->quantities)) return false;
         if (!speed->quantities.count) continue;
         const struct promise_of_quantity *fr = speed->quantities.items; /* the first */
+        speed->ndf = api_ndf_names[subject->ndf];
+        speed->azimuths = subject->azimuths ? (int64_t)subject->azimuths : -1;
         speed->bound = fr->bound;
         speed->ns_per_eval = fr->ns;
         out->count++;
@@ -260,7 +317,7 @@ static bool handle(struct call *call)
     out->metals = all_of(api_metal_names);
     out->tolerance_default = TOLERANCE_DEFAULT;
     out->isa = facet_isa();
-    return list_limits(call, &out->limits) && list_models(call, &out->models) &&
+    return list_limits(call, &out->limits) && list_models(call, &out->models) && learn_all(call) &&
            list_tiers(call, &out->tiers);
 }
 

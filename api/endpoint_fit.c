@@ -38,7 +38,9 @@ static const struct field request_fields[] = {
      .check = api_material_check,
      .doc = "a material without mean slope to fit, where the body is not a measurement"},
     {Q(samples), FIELD_OPTION, .fields = api_samples_fields, .size = sizeof(struct samples),
-     .doc = "fr at scattered pairs, instead of source; at least 16"},
+     .doc =
+         "fr at scattered pairs, instead of source; at least 16, at 3 pairs of directions or more "
+         "(turned about the normal, mirrored and exchanged ones are one)"},
     {Q(model), FIELD_ENUM, FIELD_DEFAULT, .names = model_names,
      .doc =
          "auto: the smallest that meets the tolerance; tabulated does not go with samples and UTIA files"},
@@ -133,6 +135,14 @@ static bool choose_options(struct call *call, const struct measurement *m,
     if (in->anisotropic == ASK_TRUE && !m->source.anisotropic)
         return api_problem_at(call->problem, &anisotropic,
                               "the source is isotropic: it does not say how it looks when turned");
+    facet_fit_spread spread = {.turned = FACET_FIT_TURNED_MIN};
+    if (m->source.samples) facet_fit_spread_of(m->source.samples, &spread);
+    if (in->anisotropic == ASK_TRUE && spread.turned < FACET_FIT_TURNED_MIN)
+        return api_problem_at(
+            call->problem, &anisotropic,
+            "needs %d pairs of directions (exchanged ones, and such as are turned "
+            "by 180 degrees, are one); the samples lie at %zu",
+            FACET_FIT_TURNED_MIN, spread.turned);
     if (models_of[in->model] == FACET_FIT_TABULATED && m->source.samples)
         return api_problem_at(
             call->problem, &model,
@@ -183,6 +193,28 @@ static bool answer(struct call *call, const struct measurement *m, const facet_f
     return true;
 }
 
+/* Why nothing could be fitted. */
+static bool refuse(struct call *call, const facet_fit_samples *samples)
+{
+    facet_fit_spread spread = {.round = FACET_FIT_ROUND_MIN};
+    if (samples) facet_fit_spread_of(samples, &spread);
+    if (samples && spread.used < FACET_FIT_SAMPLES_MIN)
+        return api_problem(call->problem, 422,
+                           "%zu of the %zu samples have both cosines of 1e-3 or more; at least %d "
+                           "are needed",
+                           spread.used, samples->count, FACET_FIT_SAMPLES_MIN);
+    if (spread.round < FACET_FIT_ROUND_MIN)
+        return api_problem(call->problem, 422,
+                           "the %zu samples lie at %zu pair%s of directions (turned about the "
+                           "normal, mirrored and exchanged ones are one), which a roughness and a "
+                           "Fresnel term meet whatever the values; at least %d are needed",
+                           spread.used, spread.round, spread.round == 1 ? "" : "s",
+                           FACET_FIT_ROUND_MIN);
+    return api_problem(call->problem, 422,
+                       "the source has no backscatter that a microfacet surface could be "
+                       "fitted to");
+}
+
 static bool handle(struct call *call)
 {
     struct fit_response *out = call->out;
@@ -194,10 +226,7 @@ static bool handle(struct call *call)
     double start = api_clock();
     if (!open_source(call, &surface, &m) || !choose_options(call, &m, &options)) return false;
     facet_status status = facet_fit_create(&m.source, &options, &watch, &fit);
-    if (status == FACET_BAD_DATA)
-        return api_problem(call->problem, 422,
-                           "the source has no backscatter that a microfacet surface could be "
-                           "fitted to");
+    if (status == FACET_BAD_DATA) return refuse(call, m.source.samples);
     if (status) return api_problem_status(call->problem, status, NULL);
     bool ok = answer(call, &m, &fit);
     facet_fit_clear(&fit);

@@ -219,6 +219,8 @@ static bool describe_error(struct call *call, const facet_fit_error *from, struc
 static bool measure(struct call *call, const facet_material *material, double *ns)
 {
     facet_brdf *brdf;
+    double *room = api_arena_doubles(call->arena, SPEED_ROOM);
+    if (!room) return api_problem_memory(call->problem);
     facet_status status = facet_brdf_create(material, &brdf);
     if (status) return api_problem_status(call->problem, status, NULL);
     facet_tier tier = (facet_tier)0;
@@ -226,7 +228,7 @@ static bool measure(struct call *call, const facet_material *material, double *n
     while (tier < FACET_PRECISE &&
            !(facet_bound(brdf, tier, FACET_FR, 0, &bound) && bound <= TOLERANCE_DEFAULT))
         tier++;
-    bool ok = api_measure_eval(brdf, NULL, tier, FACET_FR, call->arena, ns);
+    bool ok = api_measure_eval(brdf, NULL, tier, FACET_FR, room, ns);
     facet_brdf_destroy(brdf);
     return ok || api_problem_memory(call->problem);
 }

@@ -50,6 +50,28 @@ typedef struct facet_fit_source {
 #define FACET_FIT_SAMPLES_MIN 16
 
 /*
+ * What samples tell.  A model is fitted to them where they hold more pairs of directions that it
+ * tells apart than it has parameters (a channel): with as many, all data are met and none says
+ * whether the model is right.  An anisotropic model moreover needs what an isotropic one does,
+ * or as many pairs as that has parameters where it leaves less than half of that one's error: else
+ * it is the isotropic one in disguise.
+ */
+typedef struct facet_fit_spread {
+    size_t used;   /* samples with data and both cosines >= 1e-3 */
+    size_t round;  /* pairs that an isotropic surface tells apart, which takes turned about the
+                      normal, mirrored and exchanged ones for one */
+    size_t turned; /* that an anisotropic one does: exchanged, or turned by 180 degrees, one */
+} facet_fit_spread;
+
+enum {
+    FACET_FIT_SPREAD_MAX = 64, /* round and turned are counted no further */
+    FACET_FIT_ROUND_MIN = 3,   /* alpha, F0, and one more */
+    FACET_FIT_TURNED_MIN = 5   /* alpha_x, alpha_y, rho, F0, and one more */
+};
+
+void facet_fit_spread_of(const facet_fit_samples *samples, facet_fit_spread *spread);
+
+/*
  * The error of a fit: rms of log((FACET_FIT_EPSILON + f_r cos theta_i)/
  * (FACET_FIT_EPSILON + fit)), all channels, over the pairs with data and both
  * cosines >= 1e-3 among theta_h = (pi/2) ((i + 1/2)/45)^2, theta_d = (pi/2)
@@ -140,7 +162,7 @@ typedef struct facet_fit {
 
 /*
  * UNSUPPORTED: options that do not go together.  BAD_DATA where the source has
- * no usable backscatter, or too few samples.
+ * no usable backscatter, or samples tell too little (facet_fit_spread).
  */
 facet_status facet_fit_create(const facet_fit_source *source, const facet_fit_options *options,
                               const facet_watch *watch, facet_fit *fit);

@@ -29,6 +29,11 @@ extern "C" {
 facet_status facet_slope_table_create(double scale, const double *log_d, size_t n,
                                       facet_slope_table **table);
 void facet_slope_table_destroy(facet_slope_table *table); /* NULL is allowed */
+/*
+ * Makes what draft and fast work on, once.  Else their first evaluation does, and where memory
+ * ran out exact32 serves in their place.  False: out of memory.
+ */
+bool facet_slope_table_has_floats(const facet_slope_table *table);
 
 #define FACET_TABLE_TURNS_MIN 4
 #define FACET_TABLE_TURNS_MAX 180

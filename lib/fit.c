@@ -3,6 +3,7 @@
 #include "fit_work.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -124,6 +125,13 @@ static facet_status ask_turned(struct fit_work *work)
 
 /* ---- All of it -------------------------------------------------------------------------------- */
 
+static size_t count_groups(const struct fit_pairs *pairs)
+{
+    size_t n = 0; /* the pairs are in the order of their groups */
+    for (size_t i = 0; i < pairs->count; i++) n += i == 0 || pairs->group[i] != pairs->group[i - 1];
+    return n;
+}
+
 static void open_samples(struct fit_work *work)
 {
     const facet_fit_samples *samples = work->source->samples;
@@ -139,6 +147,8 @@ static void open_samples(struct fit_work *work)
     if (work->status == FACET_OK && work->pairs.count < FACET_FIT_SAMPLES_MIN)
         work->status = FACET_BAD_DATA;
     if (work->status == FACET_OK) work->status = facet_fit_pairs_near(samples, &work->backscatter);
+    facet_fit_spread_of(samples, &work->spread);
+    work->nodes_told = count_groups(&work->errors);
 }
 
 static void open_source(struct fit_work *work)
@@ -228,6 +238,7 @@ facet_status facet_fit_create(const facet_fit_source *source, const facet_fit_op
                               .fit = fit,
                               .nodes = options->resolution + 1,
                               .anisotropic = options->anisotropic,
+                              .spread = {SIZE_MAX, SIZE_MAX, SIZE_MAX},
                               .best_cost = HUGE_VAL,
                               .diffuse_cost = HUGE_VAL,
                               .plain_cost = HUGE_VAL};

@@ -14,6 +14,8 @@
 #define FREE_GAIN 1e-3
 /* Loss per residual of a model that leaves rounding. */
 #define EXACT 1e-18
+/* Of the isotropic model's loss (squares): the anisotropic one leaves less where the ellipse is seen. */
+#define SEEN 0.25
 
 /* ---- Candidates --------------------------------------------------------------------------- */
 
@@ -276,6 +278,13 @@ static void solve_parametric(struct fit_work *work, struct fit_model *model, dou
         *model = pinned;
 }
 
+/* The isotropic model has a roughness, a Fresnel term of so many nodes, and perhaps a diffuse part. */
+static bool is_told(const struct fit_work *work, const struct fit_model *model, size_t nodes)
+{
+    return facet_fit_is_told(&work->spread, 1 + nodes + model->has_diffuse, model->anisotropic,
+                             work->elongated);
+}
+
 /* The same roughness, to start with, under a Fresnel table. */
 static void add_with_table(struct fit_work *work, const struct fit_model *model)
 {
@@ -283,6 +292,7 @@ static void add_with_table(struct fit_work *work, const struct fit_model *model)
     facet_material material = facet_fit_model_material(model);
     struct fit_model table = *model;
     double cost;
+    if (!is_told(work, model, work->nodes_told)) return;
     table.has_table = true;
     for (size_t c = 0; c < 3; c++) table.value[c] = work->value[c];
     work->status = facet_fit_pairs_model(&work->pairs, &material, work->pairs.model);
@@ -310,7 +320,11 @@ static void add_parametric(struct fit_work *work, facet_ndf ndf, bool anisotropi
     double without = *cost;
     solve_parametric(work, &model, cost);
     if (facet_fit_cancelled(work)) return;
+    double *round = &work->round_cost[diffuse];
+    if (!anisotropic) *round = *cost;
+    work->elongated = anisotropic && *round > EXACT && *cost < SEEN * *round;
     if (diffuse && !(*cost < 0.999 * without && without > EXACT)) return; /* nothing to speak of */
+    if (!is_told(work, &model, 1)) return;
     add_candidate(work, &model);
     if (work->status == FACET_OK && anisotropic && *cost < work->best_cost) {
         work->best_cost = *cost;

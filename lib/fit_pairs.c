@@ -31,9 +31,14 @@ void facet_fit_pairs_clear(struct fit_pairs *pairs)
     *pairs = (struct fit_pairs){0};
 }
 
+static bool is_above(double cos_i, double cos_o)
+{
+    return cos_i >= COS_MIN && cos_o >= COS_MIN;
+}
+
 static bool add(struct fit_pairs *pairs, const double wi[3], const double wo[3])
 {
-    if (!(wi[2] >= COS_MIN && wo[2] >= COS_MIN)) return false;
+    if (!is_above(wi[2], wo[2])) return false;
     for (size_t k = 0; k < 3; k++) {
         pairs->wi[k][pairs->count] = wi[k];
         pairs->wo[k][pairs->count] = wo[k];
@@ -131,6 +136,11 @@ facet_status facet_fit_pairs_create(const facet_fit_source *source, const struct
     return status;
 }
 
+bool facet_fit_sample_is_used(const facet_fit_samples *s, size_t i)
+{
+    return is_above(s->wi.z[i], s->wo.z[i]) && isfinite(s->fr[0][i] + s->fr[1][i] + s->fr[2][i]);
+}
+
 /* theta_d of a pair: |wi + wo| = 2 cos theta_d. */
 static double difference_angle(const facet_fit_samples *s, size_t i)
 {
@@ -158,7 +168,8 @@ facet_status facet_fit_pairs_samples(const facet_fit_samples *samples, size_t gr
             if (own[i] != g) continue;
             double wi[3] = {samples->wi.x[i], samples->wi.y[i], samples->wi.z[i]},
                    wo[3] = {samples->wo.x[i], samples->wo.y[i], samples->wo.z[i]};
-            if (!add(pairs, wi, wo)) continue;
+            if (!facet_fit_sample_is_used(samples, i)) continue;
+            add(pairs, wi, wo);
             for (size_t c = 0; c < 3; c++) pairs->fr_cos[c][pairs->count - 1] = samples->fr[c][i];
             valid[pairs->count - 1] = true;
             pairs->group[pairs->count - 1] = g;

@@ -37,6 +37,14 @@ struct fit_grid {
 
 facet_status facet_fit_pairs_create(const facet_fit_source *source, const struct fit_grid *grid,
                                     struct fit_pairs *pairs);
+/* It has data, and both directions lie above the horizon. */
+bool facet_fit_sample_is_used(const facet_fit_samples *samples, size_t index);
+/*
+ * Whether samples of this spread say more than so many parameters of an isotropic model, or of the
+ * anisotropic one with two more; elongated: that is seen to be none of the former.
+ */
+bool facet_fit_is_told(const facet_fit_spread *spread, size_t parameters, bool anisotropic,
+                       bool elongated);
 /* The samples themselves, grouped by theta_d in so many (at most 255) equal parts of [0, pi/2]. */
 facet_status facet_fit_pairs_samples(const facet_fit_samples *samples, size_t groups,
                                      struct fit_pairs *pairs);

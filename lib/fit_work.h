@@ -52,6 +52,10 @@ struct fit_work {
     bool anisotropic, has_turn;
     facet_roughness roughness; /* anisotropic: of the best model so far */
     double best_cost;          /* and what it leaves */
+    facet_fit_spread spread;   /* of samples; else no end of pairs */
+    size_t nodes_told;    /* groups of theta_d with pairs: what a Fresnel table has of its own */
+    double round_cost[2]; /* of this ndf's isotropic models, without and with a diffuse part */
+    bool elongated;       /* the anisotropic model leaves less than half of its error */
     double values[3][FIT_DIFFERENCES], *value[3];
     struct fit_model diffuse;        /* the best model with a diffuse part */
     double diffuse_cost, plain_cost; /* with a Fresnel table, with and without a diffuse part */

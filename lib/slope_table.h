@@ -56,9 +56,6 @@ const struct slope_rays *facet_slope_table_rays(const facet_slope_table *table);
 /* Fills in q, psi, behind, far_behind, view.behind_most, and gain where it is radial, of a table that is otherwise made. */
 void facet_slope_table_measure(facet_slope_table *table);
 
-/* Whether view.floats is there, made now or before; false: out of memory. */
-bool facet_slope_table_has_floats(const facet_slope_table *table);
-
 bool facet_slope_nodes_valid(double scale, const double *log_d, size_t n);
 
 /* log_q at rows of n nodes relative to the peak, so that no exp overflows before the table is normalised. */

@@ -37,10 +37,11 @@ function largestError(values, exact, floor) {
     return worst;
 }
 
-// ns of one evaluation as the daemon measured it for this distribution.
-function costOf(tiers, tier, {ndf, transmission}) {
+// ns of one evaluation as the daemon measured it for this distribution; tables over the azimuth have their own.
+function costOf(tiers, tier, {ndf, transmission, slopes}) {
+    const hasRows = Array.isArray(slopes?.log_D[0]);
     const speeds = tiers.find((t) => t.name === tier)?.[transmission ? "transmission" : "models"];
-    const model = speeds?.find((m) => m.ndf === ndf);
+    const model = speeds?.find((m) => m.ndf === ndf && hasRows === "azimuths" in m);
     return model?.quantities.find((q) => q.quantity === QUANTITY)?.ns;
 }
 

@@ -71,7 +71,6 @@ TEST(tier_names_are_those_of_lib)
         CHECK_STR(api_tier_names[i], facet_tier_name((facet_tier)i));
 }
 
-/* malloc'd text of a JSON value. */
 /* However many limits the server announces. */
 TEST(capabilities_list_every_limit)
 {
@@ -86,6 +85,64 @@ TEST(capabilities_list_every_limit)
     api_announce_limits(NULL, 0);
 }
 
+/* The bound that /v1/eval answers for the fr of a table of 25 nodes, rows of them or none, in a tier. */
+static double bound_of_table(const char *tier, size_t rows)
+{
+    enum { NODES = 25 };
+    char body[2048] = "{\"material\":{\"ndf\":\"tabulated\",\"alpha\":0.3,\"slopes\":{\"scale\":1,"
+                      "\"log_D\":[";
+    for (size_t k = 0; k < NODES * (rows ? rows : 1); k++) {
+        const char *before = !rows || k % NODES ? k ? ",0" : "0" : k ? "],[0" : "[0";
+        strcat(body, before);
+    }
+    snprintf(body + strlen(body), sizeof body - strlen(body),
+             "%s]}},\"wi\":[[0,0,1]],\"wo\":[[0,0.6,0.8]],\"outputs\":[\"fr\"],\"tier\":\"%s\"}",
+             rows ? "]" : "", tier);
+    struct answer a = ask_post("/v1/eval", body);
+    CHECK_INT(a.response.status, 200);
+    double bound = answer_bound(&a);
+    answer_clear(&a);
+    return bound;
+}
+
+/* Closed forms, a radial table and one over the azimuth, in every tier, and the same the next time. */
+TEST(capabilities_tell_what_every_model_costs)
+{
+    static const char *const ndfs[] = {"ggx", "beckmann", "tabulated", "tabulated"};
+    struct answer a = ask("GET", "/v1/capabilities", NULL),
+                  b = ask("GET", "/v1/capabilities", NULL);
+    json_t *tiers = json_object_get(a.json, "tiers"), *tier;
+    size_t i, k, q;
+    CHECK(json_equal(tiers, json_object_get(b.json, "tiers")));
+    CHECK_INT(json_array_size(tiers), FACET_TIER_COUNT);
+    json_array_foreach(tiers, i, tier)
+    {
+        const char *name = json_string_value(json_object_get(tier, "name"));
+        json_t *models = json_object_get(tier, "models"), *model, *quantity;
+        CHECK_INT(json_array_size(models), 4);
+        json_array_foreach(models, k, model)
+        {
+            json_t *list = json_object_get(model, "quantities"),
+                   *rows = json_object_get(model, "azimuths");
+            double bound = answer_value(json_object_get(model, "bound"));
+            CHECK_STR(json_string_value(json_object_get(model, "ndf")), ndfs[k]);
+            CHECK_INT(json_integer_value(rows), k == 3 ? 12 : 0);
+            CHECK_INT(json_array_size(list), FACET_QUANTITY_COUNT);
+            json_array_foreach(list, q, quantity)
+            {
+                CHECK(answer_value(json_object_get(quantity, "ns")) > 0 || q == FACET_F);
+                CHECK(answer_value(json_object_get(quantity, "bound")) < 1e-2);
+            }
+            if (k < 2) continue;
+            double asked = bound_of_table(name, k == 3 ? 12 : 0); /* printed digits included */
+            CHECK(bound > 0 && asked >= bound && asked <= 1.2 * bound);
+        }
+    }
+    answer_clear(&a);
+    answer_clear(&b);
+}
+
+/* malloc'd text of a JSON value. */
 static char *dump(const json_t *json, size_t flags)
 {
     size_t size = json_dumpb(json, NULL, 0, flags);

@@ -1,6 +1,7 @@
 /* What comes with a fit: the Pareto list, exports, the picture; and the diffuse part of a material. */
 #include "ask.h"
 #include "check.h"
+#include "draw.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -164,6 +165,95 @@ TEST(picture)
     for (const char *p = svg; (p = strstr(p, "<polyline")); p++) lines++;
     CHECK_INT(lines, 3 * 3 * 2); /* views, channels, source and fit */
     answer_clear(&answer);
+}
+
+/* ---- What tells a lobe ----------------------------------------------------------------------------- */
+
+/* A diffuse .2 with a faint GGX lobe and noise upon it, in logarithms, at directions of chance. */
+enum { FAINT = 160 };
+struct faint {
+    double cos_i[FAINT], fr[FAINT];
+    char body[FAINT * 200];
+};
+
+static void make_faint(struct faint *faint, double lobe, double noise, double tolerance)
+{
+    struct rng rng;
+    char *text[3] = {calloc(1, sizeof faint->body), calloc(1, sizeof faint->body),
+                     calloc(1, sizeof faint->body)};
+    rng_seed(&rng, 7);
+    for (size_t i = 0; i < FAINT; i++) {
+        double k[2][3], h[3], a = .4;
+        for (int side = 0; side < 2; side++) draw_direction(&rng, .1, k[side]);
+        for (int c = 0; c < 3; c++) h[c] = k[0][c] + k[1][c];
+        double z = h[2] * h[2] / (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
+        double d = a * a / pow(1 + (a * a - 1) * z, 2); /* pi D */
+        double chance = rng_uniform(&rng) + rng_uniform(&rng) + rng_uniform(&rng) - 1.5;
+        faint->cos_i[i] = k[0][2];
+        faint->fr[i] = .2 * (1 + lobe * d) * exp(noise * chance);
+        for (int m = 0; m < 2; m++)
+            sprintf(text[m] + strlen(text[m]), "%s[%.17g,%.17g,%.17g]", i ? "," : "", k[m][0],
+                    k[m][1], k[m][2]);
+        sprintf(text[2] + strlen(text[2]), "%s%.17g", i ? "," : "", faint->fr[i]);
+    }
+    snprintf(faint->body, sizeof faint->body,
+             "{\"samples\":{\"wi\":[%s],\"wo\":[%s],\"fr\":[%s]},\"tolerance\":%g}", text[0],
+             text[1], text[2], tolerance);
+    for (int m = 0; m < 3; m++) free(text[m]);
+}
+
+static double lambert_rms(const struct faint *faint, double kd)
+{
+    double sum = 0;
+    for (size_t i = 0; i < FAINT; i++) {
+        double z = faint->cos_i[i];
+        sum += pow(log((1e-3 + faint->fr[i] * z) / (1e-3 + kd / PI * z)), 2);
+    }
+    return sqrt(sum / FAINT);
+}
+
+/* rms_log of the best Lambertian surface, by golden sections of its reflectance. */
+static double flat_rms(const struct faint *faint)
+{
+    double low = 0, high = 1, g = .6180339887498949;
+    for (int step = 0; step < 60; step++) {
+        double a = high - g * (high - low), b = low + g * (high - low);
+        if (lambert_rms(faint, a) < lambert_rms(faint, b))
+            high = b;
+        else
+            low = a;
+    }
+    return lambert_rms(faint, low);
+}
+
+/*
+ * What a Lambertian surface meets to the tolerance has a lobe where one leaves less than half
+ * its error; what it does not meet, where one leaves less than .9.
+ */
+TEST(lobe_is_told_from_chance)
+{
+    static const struct {
+        double lobe, noise, tolerance, least, most; /* share of the Lambertian's error left */
+        bool fits;
+    } cases[] = {
+        {.02, .015, .05, .35, .48, true},  {.02, .028, .05, .52, .65, false},
+        {.02, .028, .001, .52, .65, true}, /* no Lambertian surface will do */
+        {.02, .065, .001, .77, .87, true}, {.02, .24, .001, .92, .98, false},
+    };
+    struct faint *faint = calloc(1, sizeof *faint);
+    for (size_t k = 0; faint && k < sizeof cases / sizeof *cases; k++) {
+        make_faint(faint, cases[k].lobe, cases[k].noise, cases[k].tolerance);
+        struct answer answer = post("/v1/fit", NULL, NULL, faint->body);
+        json_t *list = json_object_get(answer.json, "candidates"); /* the last is the best */
+        double best = at(json_array_get(list, json_array_size(list) - 1), "error", "rms_log");
+        double share = best / flat_rms(faint);
+        CHECK(share > cases[k].least && share < cases[k].most);
+        CHECK(json_is_true(json_object_get(answer.json, "fits")) == cases[k].fits);
+        const char *why = answer_text(&answer, "fits_why");
+        CHECK(cases[k].fits ? !why : why && strstr(why, "nothing here tells a lobe"));
+        answer_clear(&answer);
+    }
+    free(faint);
 }
 
 /* ---- Diffuse part -------------------------------------------------------------------------------------- */

@@ -6,6 +6,8 @@
 #include "exr_file.h"
 #include "form.h"
 
+#include <execinfo.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -22,8 +24,23 @@ void *__real_aligned_alloc(size_t alignment, size_t size);
 static long left = -1; /* allocations until one fails; negative: none fails */
 static bool all_after, hit;
 
+/* By which calls each allocation was reached: a hash of the stack; while `paths` is there. */
+enum { PATHS_MAX = 10000 };
+static uint64_t *paths;
+static size_t path_count;
+
+static void note_path(void)
+{
+    void *frame[48];
+    uint64_t hash = 14695981039346656037u;
+    int n = backtrace(frame, 48);
+    for (int i = 0; i < n; i++) hash = (hash ^ (uintptr_t)frame[i]) * 1099511628211u;
+    if (path_count < PATHS_MAX) paths[path_count++] = hash;
+}
+
 static bool fails(void)
 {
+    if (paths) note_path();
     if (left < 0) return false;
     if (left) return left--, false;
     hit = true;
@@ -292,4 +309,58 @@ TEST(a_failed_allocation_in_what_few_materials_have)
         check_note(requests[k][0], (double)n);
         form_clear(&form);
     }
+}
+
+static bool is_among(const uint64_t *list, size_t count, uint64_t path)
+{
+    for (size_t k = 0; k < count; k++)
+        if (list[k] == path) return true;
+    return false;
+}
+
+/* By which paths this request allocates. */
+static void note_paths(const struct endpoint *endpoint, uint64_t *list)
+{
+    path_count = 0;
+    paths = list;
+    CHECK(!fail_at(endpoint, PATHS_MAX, false));
+    paths = NULL;
+    CHECK(path_count < PATHS_MAX);
+}
+
+/*
+ * Tables over the azimuth, compact ones and those beside a diffuse part as well.  Such a fit takes
+ * a tenth of a second and more, so each path to an allocation fails once, and none that
+ * the fits before it had; the first has no tables.
+ */
+TEST(a_failed_allocation_in_a_fit_of_rows)
+{
+#define SOURCE "{\"source\":{\"ndf\":\"beckmann\",\"alpha_x\":0.4,\"alpha_y\":0.1,\"diffuse\":0.3},"
+    static const char *const bodies[] = {
+        SOURCE "\"masking\":\"none\",\"model\":\"ggx\"}",
+        SOURCE "\"masking\":\"none\",\"model\":\"tabulated\",\"diffuse\":\"false\"}",
+        SOURCE "\"masking\":\"none\",\"model\":\"tabulated\",\"resolution\":8}",
+    };
+    uint64_t *list = malloc(PATHS_MAX * sizeof *list), *known = malloc(PATHS_MAX * sizeof *known);
+    size_t count = 0;
+    struct answer warm = ask("GET", "/healthz", NULL);
+    answer_clear(&warm);
+    for (size_t k = 0; k < 3 && list && known; k++) {
+        const struct endpoint endpoint = {
+            .method = "POST", .path = "/v1/fit", .example = bodies[k]};
+        size_t before = count;
+        note_paths(&endpoint, list);
+        for (size_t n = 0; n < path_count; n++) {
+            if (is_among(known, count, list[n])) continue;
+            known[count++] = list[n];
+            if (k) CHECK(fail_at(&endpoint, (long)n, false));
+        }
+        CHECK(count > before + 20);
+        check_note(k == 2 ? "with a diffuse part"
+                   : k    ? "with tables"
+                          : "without tables",
+                   (double)(count - before));
+    }
+    free(list);
+    free(known);
 }
