@@ -37,15 +37,20 @@ static void operation_id(struct text *text, const char *path)
     api_text_put(text, "\"");
 }
 
-static bool fits_query(const struct field *field)
+/* What a query can hold of a member: all of it, of a union one alternative; NULL: nothing. */
+static const struct field *in_query(const struct field *field)
 {
     switch (field->type) {
     case FIELD_NUMBER:
     case FIELD_INTEGER:
     case FIELD_BOOL:
     case FIELD_ENUM:
-    case FIELD_TEXT: return true;
-    default: return false;
+    case FIELD_TEXT: return field;
+    case FIELD_UNION:
+        for (const struct field *form = field->fields; form->type; form++)
+            if (in_query(form)) return form;
+        return NULL;
+    default: return NULL;
     }
 }
 
@@ -55,12 +60,13 @@ static void parameters(struct text *text, const struct endpoint *endpoint)
     const char *separator = ",\"parameters\":[";
     if (!endpoint->bodies) return;
     for (const struct field *field = endpoint->request; field->type; field++) {
-        if (!fits_query(field)) continue;
+        const struct field *held = in_query(field);
+        if (!held) continue;
         api_text_put(text, separator);
         api_text_put(text, "{\"in\":\"query\",");
         string_member(text, "name", field->name);
         api_text_put(text, ",\"schema\":");
-        api_schema_field(text, field);
+        api_schema_field(text, held);
         api_text_put(text, "}");
         separator = ",";
     }
