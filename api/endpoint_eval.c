@@ -34,7 +34,7 @@ static const struct field request_fields[] = {
     PAIR_FIELDS(struct eval_request),
     {MEMBER(struct eval_request, outputs), FIELD_SET, FIELD_DEFAULT, .names = quantity_names,
      .initial = 1 << FACET_FR, .doc = "what to compute"},
-    SAMPLER_FIELD(struct eval_request, "whose density pdf is"),
+    SAMPLER_FIELD(struct eval_request, "whose density pdf is, where outputs has pdf"),
     CHANNELS_FIELD(struct eval_request),
     FLAT_FIELD(struct eval_request),
     DTYPE_FIELD(struct eval_request),
@@ -71,10 +71,11 @@ static bool handle(struct call *call)
         .flat = in->flat,
         .dtype = in->dtype,
     };
-    if (!api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler) ||
+    const bool asks_pdf = in->outputs >> FACET_PDF & 1;
+    if (!api_sampler(in->sampler, asks_pdf, &in->material, call->problem, &evaluation.sampler) ||
         !api_evaluate(call, &evaluation))
         return false;
-    out->sampler = in->outputs >> FACET_PDF & 1 ? api_sampler_names[evaluation.sampler] : NULL;
+    out->sampler = asks_pdf ? api_sampler_names[evaluation.sampler] : NULL;
     memcpy(out->of, evaluation.of, sizeof out->of);
     out->count = (int64_t)evaluation.count;
     out->accuracy = evaluation.answer;

@@ -13,9 +13,17 @@
 _Static_assert(LIMIT_MAP_PIXELS == FACET_MAP_PIXELS_MAX, "the map is checked in lib");
 _Static_assert(LIMIT_MAP_SIDE == FACET_MAP_SIDE_MAX, "the map is checked in lib");
 
+/* Of a texel: "u,v", as a query can hold it, or [u,v]. */
+struct texel_place {
+    int form;
+    const char *text;
+    struct numbers uv;
+};
+
 struct leadr_request {
     struct matrix heights;
-    const char *channel, *at;
+    const char *channel;
+    struct texel_place at;
     int kind, encoding, stencil, border, y, type, form, model, compression, preview, base_ndf;
     bool force;
     int64_t level;
@@ -27,6 +35,16 @@ static const char *const base_ndfs[] = {"beckmann", "ggx", NULL};
 
 #define M(member) MEMBER(struct leadr_request, member)
 #define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
+
+#define PLACE_DOC                                                                                  \
+    " in [0, 1): answer JSON with the material of the texel there; u to the right, v down the rows"
+
+static const struct field place_forms[] = {
+    {MEMBER(struct texel_place, text), FIELD_TEXT, .doc = "\"u,v\"" PLACE_DOC},
+    {MEMBER(struct texel_place, uv), FIELD_NUMBERS, .min = 0, .max = 1, .open_max = true,
+     .min_items = 2, .max_items = 2},
+    {0},
+};
 
 static const struct field request_fields[] = {
     {M(heights), FIELD_MATRIX,
@@ -78,9 +96,10 @@ static const struct field request_fields[] = {
     {M(force), FIELD_BOOL, FIELD_MAY, .doc = "store half even where it loses variance"},
     {M(compression), FIELD_ENUM, FIELD_DEFAULT, .names = api_compressions, .initial = EXR_ZIP,
      .doc = "of the EXR answered; tiles that do not shrink are stored as they are"},
-    {M(at), FIELD_TEXT,
-     .doc = "\"u,v\" in [0, 1): answer JSON with the material of the texel there; u to the right, "
-            "v down the rows"},
+    {M(at), FIELD_UNION, .fields = place_forms,
+     .doc =
+         "[u,v] or \"u,v\" in [0, 1): answer JSON with the material of the texel there; u to the "
+         "right, v down the rows"},
     {M(level), FIELD_INTEGER, .min = 0, .max = FACET_MAP_LEVELS_MAX - 1,
      .doc = "of the texel at `at`, or of the preview; 0 by default"},
     {M(preview), FIELD_ENUM, .names = api_previews,
@@ -100,7 +119,7 @@ static bool given(double x)
 static bool take_base(struct call *call, const struct leadr_request *in, struct leadr_work *work)
 {
     const struct place x = {NULL, "base_alpha_x", 0}, y = {NULL, "base_alpha_y", 0},
-                       alpha = {NULL, "base_alpha", 0};
+                       alpha = {NULL, "base_alpha", 0}, ndf = {NULL, "base_ndf", 0};
     const bool pair = given(in->base_alpha_x) || given(in->base_alpha_y) || given(in->base_rho);
     if (pair && !given(in->base_alpha_x))
         return api_problem_at(call->problem, &x, "is required with base_alpha_y and base_rho");
@@ -114,6 +133,9 @@ static bool take_base(struct call *call, const struct leadr_request *in, struct 
     work->base_alpha[0] = factor * (pair ? in->base_alpha_x : isotropic);
     work->base_alpha[1] = factor * (pair ? in->base_alpha_y : isotropic);
     work->base_rho = given(in->base_rho) ? in->base_rho : 0;
+    if (ggx && !pair && !given(in->base_alpha))
+        return api_problem_at(call->problem, &ndf,
+                              "\"ggx\" needs base_alpha, or base_alpha_x and base_alpha_y");
     const facet_roughness r = {
         .alpha_x = work->base_alpha[0], .alpha_y = work->base_alpha[1], .rho = work->base_rho};
     work->options.base = facet_covariance_from_roughness(&r);
@@ -144,12 +166,22 @@ static bool take_options(struct call *call, const struct leadr_request *in, stru
 }
 
 /* "u,v" */
+static bool read_place(const char *text, double at[2])
+{
+    char *end = NULL;
+    at[0] = strtod(text, &end);
+    if (end == text || *end != ',') return false;
+    const char *second = end + 1;
+    at[1] = strtod(second, &end);
+    return end != second && !*end && at[0] >= 0 && at[0] < 1 && at[1] >= 0 && at[1] < 1;
+}
+
 static bool take_place(struct call *call, const struct leadr_request *in, struct leadr_work *work)
 {
     const struct place at = {NULL, "at", 0}, level = {NULL, "level", 0};
     work->level = in->level;
     work->preview = in->preview;
-    if (!in->at) {
+    if (in->at.form < 0) {
         if (in->level >= 0 && in->preview < 0)
             return api_problem_at(call->problem, &level, "needs at or preview");
         if (work->level < 0 && in->preview >= 0) work->level = 0;
@@ -157,17 +189,13 @@ static bool take_place(struct call *call, const struct leadr_request *in, struct
     }
     if (in->preview >= 0) return api_problem_at(call->problem, &at, "is given beside preview");
     if (work->level < 0) work->level = 0;
-    char *end = NULL;
-    work->at[0] = strtod(in->at, &end);
-    const bool first = end != in->at && *end == ',';
-    const char *second = first ? end + 1 : in->at;
-    work->at[1] = strtod(second, &end);
-    for (int k = 0; k < 2; k++)
-        if (!first || end == second || *end || !(work->at[k] >= 0 && work->at[k] < 1))
-            return api_problem_at(call->problem, &at,
-                                  "\"%.60s\" is not u,v with both in [0, 1), like 0.5,0.25",
-                                  in->at);
-    return true;
+    if (in->at.uv.values) {
+        memcpy(work->at, in->at.uv.values, sizeof work->at);
+        return true;
+    }
+    if (read_place(in->at.text, work->at)) return true;
+    return api_problem_at(call->problem, &at,
+                          "\"%.60s\" is not u,v with both in [0, 1), like 0.5,0.25", in->at.text);
 }
 
 static bool check_level(struct call *call, struct leadr_work *work)
@@ -184,10 +212,12 @@ static bool check_level(struct call *call, struct leadr_work *work)
 
 static bool answer(struct call *call, const struct leadr_request *in, struct leadr_work *work)
 {
-    const char *type = api_answer_type(call, in->preview >= 0          ? API_PNG_TYPE
-                                             : call->medium && !in->at ? API_EXR_TYPE
-                                                                       : "application/json");
-    if (in->at) return api_leadr_json(call, work) && api_leadr_loss_check(call, work, in->force);
+    const char *type = api_answer_type(call, in->preview >= 0 ? API_PNG_TYPE
+                                             : call->medium && in->at.form < 0
+                                                 ? API_EXR_TYPE
+                                                 : "application/json");
+    if (in->at.form >= 0)
+        return api_leadr_json(call, work) && api_leadr_loss_check(call, work, in->force);
     if (!strcmp(type, API_PNG_TYPE) || in->preview >= 0) {
         if (work->preview < 0) work->preview = PREVIEW_ROUGHNESS;
         if (work->level < 0) work->level = 0;

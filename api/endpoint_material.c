@@ -1,9 +1,12 @@
 /* POST /v1/material: one material in every form its roughness can be written. */
 #include "endpoint.h"
+#include "facet_forms.h"
 #include "material.h"
+#include "tolerance.h"
 #include "transmission.h"
 
 #include <math.h>
+#include <stdio.h>
 
 struct material_request {
     struct material material;
@@ -17,10 +20,16 @@ struct ellipse {
     double alpha_1, alpha_2, phi;
 };
 
+/* NaN: there is no such form. */
+struct form_errors {
+    double bivariate, ellipse, moments;
+};
+
 struct material_response {
     const char *ndf;
     struct bivariate *bivariate;
     struct ellipse *ellipse;
+    struct form_errors *error;
     struct numbers mean_slope, mean_normal, moments;
     int64_t azimuths;
     bool isotropic, central, coloured, transmission;
@@ -51,6 +60,16 @@ static const struct field ellipse_fields[] = {
     {0},
 };
 
+static const struct field error_fields[] = {
+    {MEMBER(struct form_errors, bivariate), FIELD_NUMBER, FIELD_MUST,
+     .doc = "of alpha_x, alpha_y, rho"},
+    {MEMBER(struct form_errors, ellipse), FIELD_NUMBER,
+     .doc = "of alpha_1, alpha_2, phi, whose last digit counts alpha_1/alpha_2 times"},
+    {MEMBER(struct form_errors, moments), FIELD_NUMBER,
+     .doc = "of the moments, which cancel beside a mean slope"},
+    {0},
+};
+
 /* Nothing is clamped today: what lies out of range is refused. */
 struct clamped {
     const char *member;
@@ -69,9 +88,16 @@ static const struct field response_fields[] = {
     {O(bivariate), FIELD_OPTION, .fields = bivariate_fields, .size = sizeof(struct bivariate),
      .doc = "roughness along x and y"},
     {O(ellipse), FIELD_OPTION, .fields = ellipse_fields, .size = sizeof(struct ellipse),
-     .doc = "roughness along the principal axes"},
+     .doc =
+         "roughness along the principal axes; left out, which note says, where doubles hold none "
+         "within 0.1"},
     {O(moments), FIELD_NUMBERS, .min_items = 5, .max_items = 5,
-     .doc = "beckmann: E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes"},
+     .doc = "beckmann: E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; left out like the "
+            "ellipse"},
+    {O(error), FIELD_OPTION, .fields = error_fields, .size = sizeof(struct form_errors),
+     .doc =
+         "of each form, sent back as it is answered: by how much, relatively, the slopes are wider or "
+         "narrower than this material's in the direction where that is most"},
     {O(mean_slope), FIELD_NUMBERS, FIELD_MUST, .min_items = 2, .max_items = 2, .doc = "mean slope"},
     {O(mean_normal), FIELD_NUMBERS, FIELD_MUST, .min_items = 3, .max_items = 3,
      .doc = "normal of the mean slope"},
@@ -86,7 +112,7 @@ static const struct field response_fields[] = {
     {O(transport), FIELD_TEXT, .doc = "with transmission: importance or radiance"},
     {O(clamped), FIELD_LIST, FIELD_MUST, .fields = clamped_fields, .size = sizeof(struct clamped),
      .doc = "members the service changed; what is out of range is refused instead"},
-    {O(note), FIELD_TEXT, .doc = "what was made of the base"},
+    {O(note), FIELD_TEXT, .doc = "what was made of the base, and why a form is left out"},
     {0},
 };
 
@@ -99,16 +125,63 @@ static bool numbers(struct call *call, const double *values, size_t n, struct nu
     return true;
 }
 
+/* One more sentence of the note. */
+static bool add_note(struct call *call, const char *more)
+{
+    enum { ROOM = 400 };
+    struct material_response *out = call->out;
+    char *text = api_arena_alloc(call->arena, ROOM);
+    if (!text) return api_problem_memory(call->problem);
+    snprintf(text, ROOM, "%s%s%s", out->note ? out->note : "", out->note ? "; " : "", more);
+    out->note = text;
+    return true;
+}
+
+static bool describe_ellipse(struct call *call, const facet_roughness *r)
+{
+    struct material_response *out = call->out;
+    facet_ellipse e;
+    double lost;
+    if (!facet_ellipse_readable(r, &e, &lost))
+        return add_note(call, "no ellipse: a double does not hold the angle of one so thin");
+    out->ellipse = api_arena_alloc(call->arena, sizeof *out->ellipse);
+    if (!out->ellipse) return api_problem_memory(call->problem);
+    *out->ellipse = (struct ellipse){e.alpha_1, e.alpha_2, e.phi};
+    out->error->ellipse = api_bound_up(lost);
+    return true;
+}
+
 static bool describe_roughness(struct call *call, const facet_roughness *r)
 {
     struct material_response *out = call->out;
-    facet_ellipse e = facet_roughness_to_ellipse(r);
+    facet_roughness plain = *r;
+    plain.low.alpha_x = plain.low.alpha_y = plain.low.rho = 0;
     out->bivariate = api_arena_alloc(call->arena, sizeof *out->bivariate);
-    out->ellipse = api_arena_alloc(call->arena, sizeof *out->ellipse);
-    if (!out->bivariate || !out->ellipse) return api_problem_memory(call->problem);
+    out->error = api_arena_alloc(call->arena, sizeof *out->error);
+    if (!out->bivariate || !out->error) return api_problem_memory(call->problem);
     *out->bivariate = (struct bivariate){r->alpha_x, r->alpha_y, r->rho};
-    *out->ellipse = (struct ellipse){e.alpha_1, e.alpha_2, e.phi};
-    return true;
+    *out->error = (struct form_errors){api_bound_up(facet_roughness_difference(r, &plain)), NAN,
+                                       NAN};
+    return describe_ellipse(call, r);
+}
+
+static bool describe_moments(struct call *call, const struct surface *surface,
+                             const struct material *in)
+{
+    struct material_response *out = call->out;
+    facet_moments m;
+    double lost = 0;
+    /* As they came, where they are the material's own. */
+    const bool own = in->moments.values && !in->base && !in->jacobian.values &&
+                     isnan(in->height_scale);
+    if (own)
+        m = (facet_moments){in->moments.values[0], in->moments.values[1], in->moments.values[2],
+                            in->moments.values[3], in->moments.values[4]};
+    else if (!facet_moments_readable(&surface->facet.roughness, &m, &lost))
+        return add_note(call,
+                        "no moments: beside this mean slope doubles do not hold the roughness");
+    out->error->moments = api_bound_up(lost);
+    return numbers(call, (double[]){m.e1, m.e2, m.e3, m.e4, m.e5}, 5, &out->moments);
 }
 
 static bool describe(struct call *call, const struct surface *surface, const struct material *in)
@@ -116,10 +189,8 @@ static bool describe(struct call *call, const struct surface *surface, const str
     struct material_response *out = call->out;
     const facet_roughness *r = &surface->facet.roughness;
     double x = r->slope_x, y = r->slope_y, length = sqrt(1 + x * x + y * y);
-    double moments[] = {x, y, r->alpha_x * r->alpha_x / 2 + x * x,
-                        r->alpha_y * r->alpha_y / 2 + y * y,
-                        r->rho * r->alpha_x * r->alpha_y / 2 + x * y};
     out->ndf = api_ndf_names[in->ndf];
+    out->note = surface->note;
     if (!surface->is_lambert && !describe_roughness(call, r)) return false;
     const bool is_turned = api_material_is_turned(in);
     if (is_turned) out->azimuths = (int64_t)in->slopes->log_D.rows;
@@ -133,13 +204,7 @@ static bool describe(struct call *call, const struct surface *surface, const str
         out->transport = api_transport_names[in->transport < 0 ? FACET_IMPORTANCE : in->transport];
     }
     out->clamped.items = "";
-    /* As they came, where they are the material's own. */
-    const bool own = in->moments.values && !in->base && !in->jacobian.values &&
-                     isnan(in->height_scale);
-    out->note = surface->note;
-    if (in->ndf == FACET_BECKMANN &&
-        !numbers(call, own ? in->moments.values : moments, 5, &out->moments))
-        return false;
+    if (in->ndf == FACET_BECKMANN && !describe_moments(call, surface, in)) return false;
     return numbers(call, (double[]){x, y}, 2, &out->mean_slope) &&
            numbers(call, (double[]){(0 - x) / length, (0 - y) / length, 1 / length}, 3,
                    &out->mean_normal);

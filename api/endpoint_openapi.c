@@ -9,8 +9,8 @@
 static const char description[] =
     "Evaluates, samples, fits and filters microfacet BRDFs, and says with every number how "
     "accurate it is. Angles are in radians; directions are unit vectors in the tangent frame, +z "
-    "the normal; wi points towards the light, wo towards the viewer. Members of a request that "
-    "are not known are refused.";
+    "the normal; wi points towards the light, wo towards the viewer. Members and query "
+    "parameters of a request that are not known are refused.";
 
 static void string_member(struct text *text, const char *name, const char *value)
 {
@@ -37,15 +37,20 @@ static void operation_id(struct text *text, const char *path)
     api_text_put(text, "\"");
 }
 
-static bool fits_query(const struct field *field)
+/* What a query can hold of a member: all of it, of a union one alternative; NULL: nothing. */
+static const struct field *in_query(const struct field *field)
 {
     switch (field->type) {
     case FIELD_NUMBER:
     case FIELD_INTEGER:
     case FIELD_BOOL:
     case FIELD_ENUM:
-    case FIELD_TEXT: return true;
-    default: return false;
+    case FIELD_TEXT: return field;
+    case FIELD_UNION:
+        for (const struct field *form = field->fields; form->type; form++)
+            if (in_query(form)) return form;
+        return NULL;
+    default: return NULL;
     }
 }
 
@@ -55,12 +60,13 @@ static void parameters(struct text *text, const struct endpoint *endpoint)
     const char *separator = ",\"parameters\":[";
     if (!endpoint->bodies) return;
     for (const struct field *field = endpoint->request; field->type; field++) {
-        if (!fits_query(field)) continue;
+        const struct field *held = in_query(field);
+        if (!held) continue;
         api_text_put(text, separator);
         api_text_put(text, "{\"in\":\"query\",");
         string_member(text, "name", field->name);
         api_text_put(text, ",\"schema\":");
-        api_schema_field(text, field);
+        api_schema_field(text, held);
         api_text_put(text, "}");
         separator = ",";
     }
@@ -149,12 +155,11 @@ static void responses(struct text *text, const struct endpoint *endpoint)
         api_text_put(text, ":{}");
     }
     api_text_put(text, "}}");
-    static const char *const of_requests[] = {"400", "413", "415", "422"};
-    for (size_t i = 0; endpoint->request && i < sizeof of_requests / sizeof *of_requests; i++)
-        api_text_print(text, ",\"%s\":{\"$ref\":\"#/components/responses/Problem\"}",
-                       of_requests[i]);
-    api_text_put(text, ",\"406\":{\"$ref\":\"#/components/responses/Problem\"}"
-                       ",\"503\":{\"$ref\":\"#/components/responses/Problem\"}}");
+    /* Who takes no body still refuses a query. */
+    static const char *const refusals[] = {"413", "415", "400", "406", "414", "422", "503"};
+    for (size_t i = endpoint->request ? 0 : 2; i < sizeof refusals / sizeof *refusals; i++)
+        api_text_print(text, ",\"%s\":{\"$ref\":\"#/components/responses/Problem\"}", refusals[i]);
+    api_text_put(text, "}");
 }
 
 static void path_item(struct text *text, const struct endpoint *endpoint)

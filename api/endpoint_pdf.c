@@ -48,7 +48,7 @@ static bool handle(struct call *call)
         .channels = -1,
         .dtype = in->dtype,
     };
-    if (!api_sampler(in->sampler, &in->material, call->problem, &evaluation.sampler) ||
+    if (!api_sampler(in->sampler, true, &in->material, call->problem, &evaluation.sampler) ||
         !api_evaluate(call, &evaluation))
         return false;
     out->sampler = api_sampler_names[evaluation.sampler];

@@ -432,7 +432,7 @@ static bool handle(struct call *call)
     struct job *job = api_arena_array(call->arena, 1, sizeof *job);
     if (!job) return api_problem_memory(call->problem);
     job->in = call->in;
-    if (!api_sampler(job->in->sampler, &job->in->material, call->problem, &job->sampler) ||
+    if (!api_sampler(job->in->sampler, true, &job->in->material, call->problem, &job->sampler) ||
         !prepare(call, job))
         return false;
     out->sampler = api_sampler_names[job->sampler];

@@ -172,13 +172,14 @@ static void decode_slopes(const struct leadr_map *map, struct image planes[2])
     }
 }
 
+#define NEEDS_FILE "needs a file: JSON bodies hold heights"
+
 static bool read_slopes(struct call *call, const char *channel, struct leadr_map *map)
 {
     struct image planes[3] = {{0}, {0}, {0}};
     const struct place at = {NULL, "kind", 0};
     const bool normal = map->kind == LEADR_NORMAL;
-    if (!call->medium)
-        return api_problem_at(call->problem, &at, "needs a file: JSON bodies hold heights");
+    if (!call->medium) return api_problem_at(call->problem, &at, NEEDS_FILE);
     if (!read_planes(call, channel, normal ? 3 : 2, planes)) return false;
     if (map->encoding < 0) {
         const bool is_float = !strcmp(planes[0].type, "half") || !strcmp(planes[0].type, "float");
@@ -216,10 +217,12 @@ bool api_leadr_map_read(struct call *call, enum leadr_kind kind, const char *cha
                         const struct matrix *heights, struct leadr_map *map)
 {
     struct image_problem problem = {0};
-    const struct place at = {NULL, "encoding", 0};
+    const struct place at = {NULL, "encoding", 0}, of_file = {NULL, "channel", 0};
     *map = (struct leadr_map){.kind = kind, .encoding = encoding};
     if (kind == LEADR_DISPLACEMENT && encoding >= 0)
         return api_problem_at(call->problem, &at, "is of normal and slope maps");
+    if (kind == LEADR_DISPLACEMENT && channel && !call->medium)
+        return api_problem_at(call->problem, &of_file, NEEDS_FILE);
     if (kind != LEADR_DISPLACEMENT) {
         if (!read_slopes(call, channel, map)) return false;
     } else if (!call->medium) {

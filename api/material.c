@@ -1,5 +1,6 @@
 #include "material.h"
 
+#include "facet_forms.h"
 #include "facet_table.h"
 #include "lambert.h"
 #include "limits.h"
@@ -155,6 +156,7 @@ static const struct field slopes_fields[] = {
 };
 
 #define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
+#define AXIS .min = FACET_AXIS_MIN, .max = FACET_AXIS_MAX
 #define M(member) MEMBER(struct material, member)
 
 const struct field api_material_fields[] = {
@@ -167,11 +169,13 @@ const struct field api_material_fields[] = {
     {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
     {M(rho), FIELD_NUMBER, .min = -FACET_RHO_MAX, .max = FACET_RHO_MAX,
      .doc = "correlation of the slopes, with alpha_x and alpha_y; 0 by default"},
-    {M(alpha_1), FIELD_NUMBER, ALPHA, .doc = "roughness along the first axis, with alpha_2"},
-    {M(alpha_2), FIELD_NUMBER, ALPHA, .doc = "roughness along the second axis, with alpha_1"},
+    {M(alpha_1), FIELD_NUMBER, AXIS,
+     .doc =
+         "roughness along the first axis, with alpha_2; what alpha_x, alpha_y and rho in range make"},
+    {M(alpha_2), FIELD_NUMBER, AXIS, .doc = "roughness along the second axis, with alpha_1"},
     {M(phi), FIELD_NUMBER, .min = -FACET_PHI_MAX, .max = FACET_PHI_MAX, .unit = "rad",
      .doc = "the first axis lies at -phi (Dupuy 2.25), with alpha_1 and alpha_2; 0 by default"},
-    {M(moments), FIELD_NUMBERS, .min = -1e12, .max = 1e12, .min_items = 5, .max_items = 5,
+    {M(moments), FIELD_NUMBERS, .min = -2e12, .max = 2e12, .min_items = 5, .max_items = 5,
      .doc = "E[x], E[y], E[x^2], E[y^2], E[xy] of the slopes; beckmann; carries the mean slope"},
     {M(height_scale), FIELD_NUMBER, .min = -1e12, .max = 1e12,
      .doc = "multiplies the heights whose moments are given; 1 by default"},
@@ -311,6 +315,17 @@ double api_rounding_error(facet_ndf ndf)
     return api_slope_gain(ndf) * (DBL_EPSILON / 2);
 }
 
+bool api_roughness_refuse(const facet_roughness *r, facet_status status, const struct place *place,
+                          struct decoder *decoder)
+{
+    char x[NUMBER_ROOM], y[NUMBER_ROOM], rho[NUMBER_ROOM];
+    api_number_print(x, r->alpha_x);
+    api_number_print(y, r->alpha_y);
+    api_number_print(rho, r->rho);
+    return api_problem_at(decoder->problem, place, "alpha_x %s, alpha_y %s, rho %s: %s", x, y, rho,
+                          facet_status_text(status));
+}
+
 static bool open_ellipse(const struct material *m, const struct place *place,
                          struct decoder *decoder, struct surface *surface)
 {
@@ -318,7 +333,7 @@ static bool open_ellipse(const struct material *m, const struct place *place,
     facet_roughness *r = &surface->facet.roughness;
     struct place at = {place, "alpha_1", 0};
     facet_status status = facet_roughness_from_ellipse(&ellipse, r->slope_x, r->slope_y, r);
-    if (status) return api_problem_status(decoder->problem, status, &at);
+    if (status) return api_roughness_refuse(r, status, &at, decoder);
     if (r->low.alpha_x != 0) surface->parameter_error = api_rounding_error(surface->facet.ndf);
     return true;
 }

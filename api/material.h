@@ -121,4 +121,8 @@ bool api_process_open(const struct material *material, const facet_roughness *ba
 bool api_roughness_check(const struct material *material, const struct place *place,
                          struct decoder *decoder);
 
+/* 422: a roughness that was computed is out of its ranges; what it is and what status says of it. */
+bool api_roughness_refuse(const facet_roughness *roughness, facet_status status,
+                          const struct place *place, struct decoder *decoder);
+
 #endif

@@ -7,13 +7,14 @@
  */
 #include "material.h"
 
-#include "facet_leadr.h"
+#include "facet_forms.h"
 
 #include <float.h>
 #include <math.h>
 
 #define M(member) MEMBER(struct material, member)
 #define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
+#define AXIS .min = FACET_AXIS_MIN, .max = FACET_AXIS_MAX
 
 /* The first of api_ndf_names: no other has a Beckmann roughness near it. */
 static const char *const base_ndf_names[] = {"ggx", "beckmann", NULL};
@@ -28,8 +29,8 @@ const struct field api_base_fields[] = {
     {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
     {M(rho), FIELD_NUMBER, .min = -FACET_RHO_MAX, .max = FACET_RHO_MAX,
      .doc = "correlation of the slopes, with alpha_x and alpha_y; 0 by default"},
-    {M(alpha_1), FIELD_NUMBER, ALPHA, .doc = "roughness along the first axis, with alpha_2"},
-    {M(alpha_2), FIELD_NUMBER, ALPHA, .doc = "roughness along the second axis, with alpha_1"},
+    {M(alpha_1), FIELD_NUMBER, AXIS, .doc = "roughness along the first axis, with alpha_2"},
+    {M(alpha_2), FIELD_NUMBER, AXIS, .doc = "roughness along the second axis, with alpha_1"},
     {M(phi), FIELD_NUMBER, .min = -FACET_PHI_MAX, .max = FACET_PHI_MAX, .unit = "rad",
      .doc = "the first axis lies at -phi, with alpha_1 and alpha_2; 0 by default"},
     {M(mean_slope), FIELD_NUMBERS, .min = -FACET_MEAN_SLOPE_MAX, .max = FACET_MEAN_SLOPE_MAX,
@@ -124,10 +125,7 @@ static bool set_roughness(const struct process *p, double rounds, const struct p
     if (status == FACET_BAD_MEAN_SLOPE)
         return api_problem_at(decoder->problem, at, "the mean slope is [%.6g, %.6g]: %s", p->x,
                               p->y, facet_status_text(status));
-    if (status)
-        return api_problem_at(decoder->problem, at, "alpha_x %.6g, alpha_y %.6g, rho %.17g: %s",
-                              sqrt(2 * c->xx), sqrt(2 * c->yy), c->xy / sqrt(c->xx) / sqrt(c->yy),
-                              facet_status_text(status));
+    if (status) return api_roughness_refuse(&surface->facet.roughness, status, at, decoder);
     surface->parameter_error += api_rounding_error(FACET_BECKMANN);
     if (rounds == 0) return true;
     const double spread = (s->xx * c->yy + s->yy * c->xx + 2 * s->xy * fabs(c->xy)) / det;

@@ -26,7 +26,7 @@ extern const char *const api_dtype_names[];
             .names = api_dtype_names,                                                              \
             .doc = "of raw arrays in a multipart request (else "                                   \
                    "float32), and of the numbers in a binary answer "                              \
-                   "(else float32 for a tolerance from 2.5e-7 on)"                                 \
+                   "(else float32 for a tolerance from 2.5e-7 on); of numbers as JSON nothing"     \
     }
 
 /* Without "dtype" a binary answer is float32 from this tolerance on. */

@@ -36,13 +36,14 @@ uint32_t api_samplers(int ndf)
     return set;
 }
 
-bool api_sampler(int sampler, const struct material *material, struct problem *problem,
-                 facet_sampler *method)
+bool api_sampler(int sampler, bool is_asked, const struct material *material,
+                 struct problem *problem, facet_sampler *method)
 {
     struct place at = {NULL, "sampler", 0};
     *method = (facet_sampler)sampler;
     if (sampler == FACET_SAMPLER_AUTO) return true;
     if (serves(*method, material)) {
+        if (!is_asked) *method = FACET_SAMPLER_AUTO;
         facet_status status = facet_sampler_prepare(*method, (facet_ndf)material->ndf);
         return !status || api_problem_status(problem, status, &at);
     }

@@ -28,8 +28,11 @@ uint32_t api_samplers(int ndf);
 /* What AUTO stands for on a surface; others as they are. */
 facet_sampler api_sampler_of(const struct surface *surface, facet_sampler sampler);
 
-/* The method asked for, made ready, AUTO left to api_sampler_of; a 422 lists those of this material. */
-bool api_sampler(int sampler, const struct material *material, struct problem *problem,
-                 facet_sampler *method);
+/*
+ * The method named, AUTO left to api_sampler_of; a 422 lists those of this material.  It is made ready,
+ * which for a table takes milliseconds; where nothing is asked of it, it is AUTO, always ready.
+ */
+bool api_sampler(int sampler, bool is_asked, const struct material *material,
+                 struct problem *problem, facet_sampler *method);
 
 #endif

@@ -31,9 +31,9 @@ static double printing_error(int digits)
     return 5 * pow(10, -digits);
 }
 
-/* Three significant digits, upwards; through text, so that it prints as short as it is. */
-static double rounded_up(double bound)
+double api_bound_up(double bound)
 {
+    if (!(bound > 0)) return bound;
     char text[NUMBER_ROOM];
     double unit = pow(10, floor(log10(bound)) - 2);
     snprintf(text, sizeof text, "%.2e", ceil(bound / unit) * unit);
@@ -43,7 +43,7 @@ static double rounded_up(double bound)
 /* The total bound at so many digits, rounded up but not past a tolerance that it meets. */
 static double printed_at(double bound, double tolerance, int digits)
 {
-    double total = bound + printing_error(digits) * (1 + bound), shown = rounded_up(total);
+    double total = bound + printing_error(digits) * (1 + bound), shown = api_bound_up(total);
     return total <= tolerance && shown > tolerance ? tolerance : shown;
 }
 

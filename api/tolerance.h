@@ -71,4 +71,7 @@ bool api_promise(const struct tolerance_request *request, bound_fn *bound_of, co
  */
 void api_promise_fewer_digits(const struct tolerance_request *request, struct promise *promise);
 
+/* Three significant digits, upwards; through text, so that it prints as short as it is. */
+double api_bound_up(double bound);
+
 #endif

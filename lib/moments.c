@@ -1,6 +1,8 @@
 /* moments.c - slope moments and the Beckmann roughness they describe. */
-#include "facet_leadr.h"
+#include "facet_forms.h"
+#include "roughness.h"
 
+#include <float.h>
 #include <math.h>
 
 facet_moments facet_moments_from_roughness(const facet_roughness *r)
@@ -141,4 +143,19 @@ facet_covariance facet_covariance_transform(const facet_covariance *c, double be
     }
     return (facet_covariance){form(c, ux, vx, ux, vx), form(c, uy, vy, uy, vy),
                               form(c, ux, vx, uy, vy)};
+}
+
+bool facet_moments_readable(const facet_roughness *r, facet_moments *m, double *difference)
+{
+    facet_roughness inside = *r, back;
+    for (double by = DBL_EPSILON; by < NEAR; by *= 2) {
+        *m = facet_moments_from_roughness(&inside);
+        const facet_covariance c = facet_covariance_from_moments(m);
+        if (!facet_roughness_from_covariance(&c, m->e1, m->e2, &back)) {
+            *difference = facet_roughness_difference(r, &back);
+            return *difference <= NEAR;
+        }
+        inside = facet_roughness_inside(r, by);
+    }
+    return false;
 }

@@ -1,7 +1,7 @@
 /* roughness.c - the forms of a roughness (Dupuy eqs. 2.25-2.34; signs: lib/NOTATION.md). */
 #include "roughness.h"
 
-#include "facet_leadr.h"
+#include "facet_forms.h"
 
 #include <float.h>
 #include <math.h>
@@ -78,8 +78,8 @@ facet_status facet_roughness_from_ellipse(const facet_ellipse *e, double slope_x
                                           facet_roughness *r)
 {
     double a1 = e->alpha_1, a2 = e->alpha_2;
-    if (!(a1 >= FACET_ALPHA_MIN && a1 <= FACET_ALPHA_MAX)) return FACET_BAD_ALPHA;
-    if (!(a2 >= FACET_ALPHA_MIN && a2 <= FACET_ALPHA_MAX)) return FACET_BAD_ALPHA;
+    if (!(a1 >= FACET_AXIS_MIN && a1 <= FACET_AXIS_MAX)) return FACET_BAD_ALPHA;
+    if (!(a2 >= FACET_AXIS_MIN && a2 <= FACET_AXIS_MAX)) return FACET_BAD_ALPHA;
     if (!(fabs(e->phi) <= FACET_PHI_MAX)) return FACET_BAD_PHI;
     if (a1 == a2) {
         *r = (facet_roughness){.alpha_x = a1, .alpha_y = a1};
@@ -170,4 +170,66 @@ facet_ellipse facet_roughness_to_ellipse(const facet_roughness *r)
     sine_cosine(2 * phi, &s, &c);
     struct pair off = pair_add(pair_product(s, difference), pair_product(c, cross));
     return (facet_ellipse){a1.hi, a2.hi, phi - off.hi / (2 * root.hi)};
+}
+
+/* ---- What is read back --------------------------------------------------------------------------- */
+
+/* sqrt(1 + more) - 1 */
+static double root_less_one(double more)
+{
+    return more / (1 + sqrt(fmax(0, 1 + more)));
+}
+
+/*
+ * With the maps to slopes L = [alpha_x 0; rho alpha_y  kappa alpha_y] (2.26) the width of b along a
+ * direction is that of a times |B^T m| for some unit m, B = L_a^-1 L_b: between B's singular values.
+ * B - 1 = [u 0; v w] in pairs, as rho over kappa cancels.
+ */
+double facet_roughness_difference(const facet_roughness *a, const facet_roughness *b)
+{
+    const struct pair minus_one = {-1, 0};
+    struct pair x = pair_quotient(alpha_x_of(b), alpha_x_of(a)),
+                y = pair_quotient(alpha_y_of(b), alpha_y_of(a)), kappa = kappa_of(a);
+    struct pair turn = pair_add(pair_product(y, rho_of(b)),
+                                pair_negative(pair_product(x, rho_of(a))));
+    const double u = pair_add(x, minus_one).hi, v = pair_quotient(turn, kappa).hi,
+                 w = pair_add(pair_quotient(pair_product(y, kappa_of(b)), kappa), minus_one).hi;
+    /* B B^T - 1, and its eigenvalues */
+    const double xx = u * (2 + u), xy = (1 + u) * v, yy = v * v + w * (2 + w);
+    const double mean = (xx + yy) / 2, half = hypot((xx - yy) / 2, xy);
+    return fmax(fabs(root_less_one(mean + half)), fabs(root_less_one(mean - half)));
+}
+
+/* Both alphas by one factor where that serves, as 1e-6 of one alone may turn a thin ellipse off itself. */
+facet_roughness facet_roughness_inside(const facet_roughness *r, double by)
+{
+    const double least = FACET_ALPHA_MIN * (1 + by), most = FACET_ALPHA_MAX * (1 - by),
+                 rho = FACET_RHO_MAX - 4 * by * (1 - FACET_RHO_MAX);
+    const double scale = fmax(1, least / fmin(r->alpha_x, r->alpha_y)) *
+                         fmin(1, most / fmax(r->alpha_x, r->alpha_y));
+    facet_roughness m = *r;
+    if (scale != 1) {
+        m.alpha_x = fmin(fmax(r->alpha_x * scale, least), most);
+        m.alpha_y = fmin(fmax(r->alpha_y * scale, least), most);
+        m.low.alpha_x = m.low.alpha_y = 0;
+    }
+    if (fabs(m.rho) > rho) {
+        m.rho = copysign(rho, m.rho);
+        m.low.rho = 0;
+    }
+    return m;
+}
+
+bool facet_ellipse_readable(const facet_roughness *r, facet_ellipse *e, double *difference)
+{
+    facet_roughness inside = *r, back;
+    for (double by = DBL_EPSILON; by < NEAR; by *= 2) {
+        *e = facet_roughness_to_ellipse(&inside);
+        if (!facet_roughness_from_ellipse(e, r->slope_x, r->slope_y, &back)) {
+            *difference = facet_roughness_difference(r, &back);
+            return *difference <= NEAR;
+        }
+        inside = facet_roughness_inside(r, by);
+    }
+    return false;
 }

@@ -12,6 +12,8 @@ export const lead =
 export const usesMaterial = false;
 
 const PICTURE = "image/svg+xml";
+// Logarithmic axes have no 0: an error below a double's rounding is shown there.
+const ROUNDING = 1e-16;
 
 function nameOf(c) {
     const parts = [
@@ -105,7 +107,8 @@ export function create({problem, go}) {
         const rows = answer.candidates,
             chart = new Chart({title: "Candidates: size against error", height: 300});
         const chosen = rows.find((c) => isChosen(c)) ?? null;
-        const errors = rows.map((c) => Math.max(c.error.rms_log, 1e-6)),
+        const shown = (c) => Math.max(c.error.rms_log, ROUNDING),
+            errors = rows.map(shown),
             low = Math.min(...errors, state.fit.tolerance),
             high = Math.max(...errors, state.fit.tolerance);
         chart.draw({
@@ -133,7 +136,7 @@ export function create({problem, go}) {
                 },
             ],
             rules: [{y: state.fit.tolerance, name: `accepted ${short(state.fit.tolerance)}`}],
-            mark: chosen && {x: chosen.bytes, y: Math.max(chosen.error.rms_log, 1e-6)},
+            mark: chosen && {x: chosen.bytes, y: shown(chosen)},
         });
         chart.node.append(el("figcaption", {}, "Smaller is to the left, better is below; the ring is the one taken."));
         return chart.node;

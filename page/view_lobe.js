@@ -180,7 +180,7 @@ export function create({problem}) {
         told = now;
         const sorted = [...requestTimes].sort((a, b) => a - b),
             median = sorted[sorted.length >> 1];
-        rate.textContent = `${frames.length} redraws in the last second, ${milliseconds(median)} a request`;
+        rate.textContent = `${frames.length} redraw${frames.length > 1 ? "s" : ""} in the last second, ${milliseconds(median)} a request`;
         rate.dataset.median = median;
         rate.dataset.worst = sorted[Math.floor(sorted.length * 0.95)];
         for (const [node, text] of texts) node.textContent = text;

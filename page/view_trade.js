@@ -252,7 +252,7 @@ export function create({problem}) {
                 line("v1/eval", {request: example}),
             ],
             [
-                "Half a million as raw floats; the headers name the layout and the accuracy",
+                "Half a million as raw numbers; the headers name the layout and the accuracy",
                 line("v1/eval", {
                     request: {...example, wi: {random: {n: 500000}}},
                     accept: "application/octet-stream",

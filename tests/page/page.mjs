@@ -308,6 +308,12 @@ async function fitFormula() {
         /Beckmann/.test(await page.locator("tr.chosen th").textContent()) &&
             JSON.parse(await runCurl(page, 0)).chosen.model === "beckmann",
     );
+    // What fits exactly stands where its rounding is, not higher.
+    await visit(page, "fit?material=" + encodeURIComponent('{"ndf":"ggx","alpha":0.3}'));
+    await page.getByRole("button", {name: "No file?"}).click();
+    await page.waitForFunction(() => document.querySelector("tr.chosen th")?.textContent.startsWith("GGX"));
+    const ticks = (await page.locator("svg.chart .axes text").allTextContents()).filter((t) => /^10⁻/.test(t));
+    check("fit that is exact", Math.min(...ticks.map(number)) < 1e-14, ticks);
     check("fit of a formula: console", !page.errors.length, page.errors);
     await page.context().close();
 }

@@ -276,3 +276,25 @@ TEST(query_members_count_as_body_members)
     request.query = "tolrance=0.1";
     CHECK_INT(status_of(request), 422);
 }
+
+TEST(what_takes_no_members_takes_no_query)
+{
+    static const char *const paths[] = {"/v1/capabilities", "/v1/openapi.json", "/healthz"};
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
+        struct api_request request = {.method = "GET", .path = paths[i], .query = "ndf=ggx&x"};
+        struct answer a = ask_with(request);
+        CHECK_INT(a.response.status, 422);
+        CHECK_STR(answer_error(&a, "pointer"), "/ndf");
+        CHECK_STR(answer_error(&a, "detail"), "is not a known member; known: none");
+        answer_clear(&a);
+        request.query = "%zz";
+        CHECK_INT(status_of(request), 400);
+        request.query = "";
+        CHECK_INT(status_of(request), 200);
+    }
+    struct api_response response = {0};
+    CHECK(!api_refuse_query(NULL, &response) && !api_refuse_query("", &response));
+    CHECK(api_refuse_query("x=1", &response));
+    CHECK_INT(response.status, 422);
+    api_response_clear(&response);
+}

@@ -2,6 +2,7 @@
 #include "ask.h"
 #include "check.h"
 
+#include <malloc.h>
 #include <stdio.h>
 
 static const double pi = 3.14159265358979323846;
@@ -56,6 +57,34 @@ TEST(eval_has_the_pdf_of_the_sampler_named)
     CHECK_INT(plain.response.status, 200);
     CHECK(!json_object_get(plain.json, "sampler")); /* nothing there depends on it */
     answer_clear(&plain);
+}
+
+/* The bytes that stay allocated after an evaluation with the sampler "table". */
+static long kept_by_eval(const char *outputs)
+{
+    char body[400];
+    snprintf(body, sizeof body,
+             "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.3}," PAIR
+             ",\"sampler\":\"table\",\"tolerance\":1e-4,\"outputs\":[%s]}",
+             outputs);
+    const size_t before = mallinfo2().uordblks;
+    struct answer a = ask_post("/v1/eval", body);
+    CHECK_INT(a.response.status, 200);
+    answer_clear(&a);
+    return (long)(mallinfo2().uordblks - before);
+}
+
+/* A sampler beside outputs without pdf is idle: its table, which takes 25 ms, is not built. */
+TEST(a_sampler_is_made_ready_for_pdf_alone)
+{
+    if (SANITIZED) {
+        check_skip("a sanitizer's memory is not counted");
+        return;
+    }
+    struct answer first = ask_post("/v1/eval", "{" GGX "," PAIR "}");
+    answer_clear(&first);
+    CHECK(kept_by_eval("\"fr\"") < 1024);
+    CHECK(kept_by_eval("\"fr\",\"pdf\"") > 16384);
 }
 
 /* What auto stands for, by the material alone: one method and one density wherever it is asked. */
