@@ -124,9 +124,6 @@ bool api_takes_gzip(const char *accept_encoding);
 /* A problem+json response for what the server refuses by itself (408, 413, 429, 431, 503 ...). */
 void api_refuse(int status, const char *detail, struct api_response *response);
 
-/* The same for what the server answers by itself and takes no parameters; false: there are none. */
-bool api_refuse_query(const char *query, struct api_response *response);
-
 void api_response_clear(struct api_response *response);
 
 #endif

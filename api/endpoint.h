@@ -60,6 +60,7 @@ struct endpoint {
     const char *const *answers;  /* media types besides JSON; NULL-terminated; may be NULL */
     bool is_long;
     bool grows_by_words; /* a small body is short work unless it says one of router.c's words */
+    bool is_probe;       /* whatever its query, which may be a probe's own, it answers */
     const char *example; /* a request body that works */
     /* True: done (out filled, or api_answer_raw called).  False: call->problem is set. */
     bool (*handle)(struct call *call);

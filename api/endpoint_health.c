@@ -21,5 +21,6 @@ const struct endpoint api_endpoint_health = {
     .summary = "Liveness",
     .response = response_fields,
     .response_size = sizeof(struct health),
+    .is_probe = true,
     .handle = handle,
 };

@@ -217,19 +217,19 @@ static bool decode_document(struct call *call, void *in, struct decoder *decoder
     return ok;
 }
 
-/* Of what takes no members: every parameter is one that is not known. */
-static bool decode_no_members(const char *query, struct arena *arena, struct problem *problem)
+/* Every parameter is one that is not known. */
+static bool decode_no_members(const struct call *call)
 {
     static const struct field none[] = {{0}};
-    struct decoder decoder = {arena, problem};
+    struct decoder decoder = {call->arena, call->problem};
+    const char *query = call->request->query;
     return !query || !*query || api_decode_query(query, NULL, none, NULL, &decoder);
 }
 
 static bool decode_request(struct call *call)
 {
     const struct endpoint *endpoint = call->endpoint;
-    if (!endpoint->request)
-        return decode_no_members(call->request->query, call->arena, call->problem);
+    if (!endpoint->request) return endpoint->is_probe || decode_no_members(call);
     if (!find_medium(call)) return false;
     void *in = api_arena_array(call->arena, 1, endpoint->request_size);
     if (!in) return api_problem_memory(call->problem);
@@ -404,19 +404,6 @@ void api_refuse(int status, const char *detail, struct api_response *response)
     *response = (struct api_response){0};
     api_problem(&problem, status, "%s", detail);
     api_problem_answer(&problem, response);
-}
-
-bool api_refuse_query(const char *query, struct api_response *response)
-{
-    struct problem problem = {0};
-    struct arena arena;
-    api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
-    bool ok = decode_no_members(query, &arena, &problem);
-    api_arena_close(&arena);
-    if (ok) return false;
-    *response = (struct api_response){0};
-    api_problem_answer(&problem, response);
-    return true;
 }
 
 void api_response_clear(struct api_response *response)

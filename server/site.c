@@ -110,16 +110,6 @@ static void handle_metrics(struct api_response *response)
     answer(response, "text/plain; version=0.0.4; charset=utf-8", text, size);
 }
 
-static void handle_own(const char *own, const char *query, struct api_response *response)
-{
-    if (api_refuse_query(query, response)) return;
-    *response = (struct api_response){0};
-    if (!strcmp(own, READYZ))
-        handle_readyz(response);
-    else
-        handle_metrics(response);
-}
-
 void site_handle(enum site site, const struct api_request *request, struct api_response *response)
 {
     const char *own = own_path(request->path);
@@ -127,7 +117,11 @@ void site_handle(enum site site, const struct api_request *request, struct api_r
     if (own && !reads(request->method)) {
         site_refuse_method(own, response);
     } else if (own) {
-        handle_own(own, request->query, response);
+        *response = (struct api_response){0};
+        if (!strcmp(own, READYZ))
+            handle_readyz(response);
+        else
+            handle_metrics(response);
     } else if (site == SITE_ADMIN && strcmp(request->path, HEALTHZ)) {
         api_refuse(404, "the admin listener serves /healthz, /readyz and /metrics", response);
     } else if ((file = page_find(request->path))) {

@@ -199,13 +199,6 @@ void api_refuse(int status, const char *detail, struct api_response *response)
     answer(response, status, detail, strlen(detail));
 }
 
-bool api_refuse_query(const char *query, struct api_response *response)
-{
-    if (!query || !*query) return false;
-    api_refuse(422, query, response);
-    return true;
-}
-
 void api_response_clear(struct api_response *response)
 {
     free(response->body);
