@@ -74,6 +74,16 @@ abuse() {
     sanitizer "$1"
 }
 
+expected() {
+    local python
+    for python in /usr/bin/python3 python3; do
+        "$python" -c 'import mpmath' 2>/dev/null || continue
+        "$python" tests/client/expected.py --check tests/client/cases/*/*.json
+        return
+    done
+    echo "skip expected: python3-mpmath is not installed"
+}
+
 # What the sanitizers wrote to a daemon's stderr fails the step by itself.
 sanitizer() {
     local report=build/test/$1.daemon.log
@@ -134,6 +144,7 @@ step examples     tests/examples.sh build/release/facetd
 step lint         tests/extras.sh lint
 step tools        tests/export_tools.sh build/release/facetd
 step page         tests/page.sh build/release/facetd
+step expected     expected
 step texts        tests/texts.sh
 
 [[ " ${wanted[*]-} " != *" extras "* ]] || step extras extras
