@@ -132,6 +132,9 @@ static bool refuse_flaw(const struct number_array *array, const struct place *pl
     struct place at = {array->nested ? &row : place, NULL, array->column};
     if (array->flaw == ARRAY_NO_NUMBER)
         return api_problem_at(decoder->problem, &at, "must be a number, not %s", array->what);
+    if (array->flaw == ARRAY_CUT)
+        return api_problem_at(decoder->problem, place, "has %zu bytes, must have a multiple of %zu",
+                              array->found, array->columns);
     if (array->flaw == ARRAY_NO_ROW)
         return api_problem_at(decoder->problem, &row, "must be an array of numbers, not %s",
                               array->what);

@@ -108,7 +108,10 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         return true;
     }
     if (strlen(request->path) + strlen(request->query) > REQUEST_TARGET_MAX) {
-        request_refuse(request, 414, "the request line is too long");
+        char detail[80];
+        snprintf(detail, sizeof detail, "the path and query have %zu bytes, at most %d are taken",
+                 strlen(request->path) + strlen(request->query), REQUEST_TARGET_MAX);
+        request_refuse(request, 414, detail);
         return true;
     }
     if (request->cors && !strcmp(method, "OPTIONS")) {
