@@ -32,6 +32,9 @@ const char *api_json_type_name(const json_t *json)
 bool api_wrong_type(const json_t *json, const char *expected, const struct place *place,
                     struct decoder *decoder)
 {
+    if (json_is_string(json))
+        return api_problem_at(decoder->problem, place, "must be %s, not \"%.40s\"", expected,
+                              json_string_value(json));
     return api_problem_at(decoder->problem, place, "must be %s, not %s", expected,
                           api_json_type_name(json));
 }
