@@ -79,10 +79,11 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
 
 static void refuse_size(struct request *request)
 {
-    char detail[96];
-    snprintf(detail, sizeof detail,
-             "the body is larger than the %zu bytes that this endpoint takes",
-             request->route.body_max);
+    char detail[96] = "no body is taken here";
+    if (request->route.body_max)
+        snprintf(detail, sizeof detail,
+                 "the body is larger than the %zu bytes that this endpoint takes",
+                 request->route.body_max);
     request_refuse(request, 413, detail);
 }
 
