@@ -17,7 +17,8 @@ enum array_flaw {
     ARRAY_SOUND,
     ARRAY_NO_NUMBER, /* element `column` (of `row`) is `what` */
     ARRAY_NO_ROW,    /* row `row` is `what` */
-    ARRAY_RAGGED     /* row `row` has `found` elements, not `columns` */
+    ARRAY_RAGGED,    /* row `row` has `found` elements, not `columns` */
+    ARRAY_CUT        /* raw bytes, `found`, that are no whole numbers of `columns` bytes */
 };
 
 struct number_array {

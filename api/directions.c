@@ -213,9 +213,8 @@ static bool normalise(const struct place *place, struct decoder *decoder, struct
         double *v = copy + 3 * i;
         struct place at = {place, NULL, i};
         vector_of(plan, i, v);
-        double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        double length = hypot(hypot(v[0], v[1]), v[2]); /* which neither overflows nor vanishes */
         if (fabs(length - 1) <= exact_within) continue;
-        if (!isfinite(length)) return api_problem_at(decoder->problem, &at, "is not finite");
         if (!(fabs(length - 1) <= unit_within))
             return api_problem_at(decoder->problem, &at,
                                   "has length %.9g, must have length 1 within %g", length,

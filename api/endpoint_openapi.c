@@ -155,9 +155,9 @@ static void responses(struct text *text, const struct endpoint *endpoint)
         api_text_put(text, ":{}");
     }
     api_text_put(text, "}}");
-    /* Who takes no body still refuses a query, unless it is a probe. */
-    static const char *const refusals[] = {"413", "415", "400", "422", "406", "414", "503"};
-    const size_t first = endpoint->request ? 0 : endpoint->is_probe ? 4 : 2;
+    /* Who takes no body has none of a wrong type, and refuses a query unless it is a probe. */
+    static const char *const refusals[] = {"415", "400", "422", "406", "413", "414", "503"};
+    const size_t first = endpoint->request ? 0 : endpoint->is_probe ? 3 : 1;
     for (size_t i = first; i < sizeof refusals / sizeof *refusals; i++)
         api_text_print(text, ",\"%s\":{\"$ref\":\"#/components/responses/Problem\"}", refusals[i]);
     api_text_put(text, "}");

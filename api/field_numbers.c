@@ -32,6 +32,9 @@ const char *api_json_type_name(const json_t *json)
 bool api_wrong_type(const json_t *json, const char *expected, const struct place *place,
                     struct decoder *decoder)
 {
+    if (json_is_string(json))
+        return api_problem_at(decoder->problem, place, "must be %s, not \"%.40s\"", expected,
+                              json_string_value(json));
     return api_problem_at(decoder->problem, place, "must be %s, not %s", expected,
                           api_json_type_name(json));
 }
@@ -132,6 +135,9 @@ static bool refuse_flaw(const struct number_array *array, const struct place *pl
     struct place at = {array->nested ? &row : place, NULL, array->column};
     if (array->flaw == ARRAY_NO_NUMBER)
         return api_problem_at(decoder->problem, &at, "must be a number, not %s", array->what);
+    if (array->flaw == ARRAY_CUT)
+        return api_problem_at(decoder->problem, place, "has %zu bytes, must have a multiple of %zu",
+                              array->found, array->columns);
     if (array->flaw == ARRAY_NO_ROW)
         return api_problem_at(decoder->problem, &row, "must be an array of numbers, not %s",
                               array->what);

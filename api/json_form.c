@@ -1,5 +1,6 @@
 #include "json_form.h"
 
+#include "field_numbers.h"
 #include "lift.h"
 #include "multipart.h"
 #include "npy.h"
@@ -19,10 +20,12 @@ static bool array_of(const struct part *part, enum array_type type, const struct
     size_t item = type == ARRAY_FLOAT ? sizeof(float) : sizeof(double);
     if (api_npy_is(part->bytes, part->size))
         return api_npy_read(part->bytes, part->size, place, arena, problem, array);
-    if (part->size % item)
-        return api_problem_at(problem, place, "has %zu bytes, must have a multiple of %zu",
-                              part->size, item);
     *array = (struct number_array){.type = type, .data = part->bytes, .count = part->size / item};
+    if (part->size % item) { /* for the table to tell, which knows first whether this is an array */
+        array->flaw = ARRAY_CUT;
+        array->found = part->size;
+        array->columns = item;
+    }
     return true;
 }
 
@@ -49,8 +52,10 @@ static bool add_arrays(const struct part *parts, size_t count, struct arena *are
                        struct problem *problem, struct document *document)
 {
     enum array_type type = raw_type(document->root);
+    struct place request = {NULL, "request", 0};
+    struct decoder decoder = {arena, problem};
     if (count > 1 && !json_is_object(document->root))
-        return api_problem(problem, 422, "the part \"request\" must be a JSON object");
+        return api_wrong_type(document->root, "an object", &request, &decoder);
     for (size_t i = 0; i < count; i++)
         if (strcmp(parts[i].name, "request") &&
             !add_array(&parts[i], type, arena, problem, document))

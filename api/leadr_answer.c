@@ -111,6 +111,7 @@ bool api_leadr_filter(struct call *call, struct leadr_work *work, const facet_le
 {
     const facet_watch watch = api_watch(call);
     const struct place border = {NULL, "border", 0}, type = {NULL, "type", 0};
+    const bool is_half = work->options.storage == FACET_HALF;
     struct leadr_map *map = &work->map;
     facet_crew crew;
     const facet_status status = facet_leadr_filter(
@@ -120,8 +121,12 @@ bool api_leadr_filter(struct call *call, struct leadr_work *work, const facet_le
     if (status == FACET_BAD_DATA && work->summary.flaw.count)
         return api_leadr_map_flaw(call, map, &work->summary.flaw);
     if (status == FACET_BAD_DATA)
-        return api_problem_at(call->problem, &type,
-                              "the moments overflow the type they are to be stored in");
+        return api_problem_at(
+            call->problem, &type,
+            "\"%s\" holds numbers up to %s, and moments of this map are larger: lower "
+            "scale%s",
+            api_storages[work->options.storage], is_half ? "65504" : "3.4e38",
+            is_half ? ", or take \"float\"" : "");
     if (status == FACET_BAD_SIZE && work->options.border == FACET_TRIM)
         return api_problem_at(call->problem, &border, "trim leaves nothing of a map of %zu x %zu",
                               map->width, map->height);

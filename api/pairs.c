@@ -41,7 +41,9 @@ static bool choose(const struct pair_request *r, struct problem *problem, bool *
         bool wanted = *is_half == (i >= 2), there = m[i].form >= 0;
         if (wanted && !there)
             return api_problem_at(problem, &at,
-                                  *is_half ? "is required with h or d" : "is required");
+                                  !*is_half ? "is required"
+                                  : i == 2  ? "is required with d"
+                                            : "is required with h");
         if (!wanted && there) return api_problem_at(problem, &at, "excludes h and d");
     }
     return true;

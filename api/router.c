@@ -105,7 +105,9 @@ struct api_route api_lookup(const char *method, const char *path, const char *co
     return (struct api_route){
         .found = true,
         .is_long = endpoint->is_long,
-        .body_max = is_raw ? LIMIT_BINARY_BODY : LIMIT_JSON_BODY,
+        .body_max = !endpoint->request ? 0
+                    : is_raw           ? LIMIT_BINARY_BODY
+                                       : LIMIT_JSON_BODY,
         .path = endpoint->path,
     };
 }

@@ -79,10 +79,11 @@ static enum MHD_Result dispatch(struct http *http, struct client *client)
 
 static void refuse_size(struct request *request)
 {
-    char detail[96];
-    snprintf(detail, sizeof detail,
-             "the body is larger than the %zu bytes that this endpoint takes",
-             request->route.body_max);
+    char detail[96] = "no body is taken here";
+    if (request->route.body_max)
+        snprintf(detail, sizeof detail,
+                 "the body is larger than the %zu bytes that this endpoint takes",
+                 request->route.body_max);
     request_refuse(request, 413, detail);
 }
 
@@ -108,7 +109,10 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
         return true;
     }
     if (strlen(request->path) + strlen(request->query) > REQUEST_TARGET_MAX) {
-        request_refuse(request, 414, "the request line is too long");
+        char detail[80];
+        snprintf(detail, sizeof detail, "the path and query have %zu bytes, at most %d are taken",
+                 strlen(request->path) + strlen(request->query), REQUEST_TARGET_MAX);
+        request_refuse(request, 414, detail);
         return true;
     }
     if (request->cors && !strcmp(method, "OPTIONS")) {

@@ -236,6 +236,22 @@ TEST(refusals_of_the_server_are_problems_too)
     CHECK_INT(daemon_stop(&daemon), 0);
 }
 
+/* What a GET would not look at is no request for it: said, and the connection goes on or ends. */
+TEST(a_get_takes_no_body)
+{
+    static const char *const paths[] = {"/readyz",  "/metrics",         "/v1/capabilities",
+                                        "/healthz", "/v1/openapi.json", "/"};
+    struct daemon daemon;
+    if (!daemon_start(&daemon, FACETD, NULL)) return;
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
+        CHECK(daemon_ask(&daemon, "GET", paths[i], "Content-Type: application/json\r\n", "{}", 2,
+                         &answer));
+        CHECK_INT(answer.status, 413);
+        CHECK(strstr(answer.body, "no body is taken here"));
+    }
+    CHECK_INT(daemon_stop(&daemon), 0);
+}
+
 TEST(probes_and_the_page_take_any_query)
 {
     static const char *const paths[] = {"/readyz", "/metrics", "/healthz", "/"};

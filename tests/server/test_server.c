@@ -299,6 +299,7 @@ TEST(a_long_request_line_is_414)
           daemon_send(fd, " HTTP/1.1\r\nHost: x\r\n\r\n"));
     CHECK(daemon_read(fd, &answer));
     CHECK_INT(answer.status, 414);
+    CHECK(strstr(answer.body, "bytes, at most 8000 are taken"));
     close(fd);
     CHECK_INT(daemon_stop(&daemon), 0);
 }

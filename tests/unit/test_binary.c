@@ -336,10 +336,13 @@ TEST(bad_parts_are_refused)
     check_form("wi", good, 11, 422, "must have a multiple of 4");
     check_form("wi", good, 0, 422, "has 0 elements");
     check_form("wi", bad, sizeof bad, 422, "/wi/0");
-    check_form("wi", far, sizeof far, 422, "is not finite");
+    check_form("wi", far, sizeof far, 422, "has length inf, must have length 1 within 0.001");
+    check_form("wi", bad, sizeof bad, 422, "has length nan, must have length 1 within 0.001");
     check_form("wi", longer, sizeof longer, 422, "has length 2");
     check_form("wo", good, sizeof good, 422, "is given twice");
     check_form("wx", good, sizeof good, 422, "is not a known member");
+    check_form("wx", good, 11, 422, "/wx is not a known member; known: ");
+    check_form("tolerance", "1e-3!", 5, 422, "/tolerance must be a number, not an array");
     check_form("w\xff", good, sizeof good, 422, "printable");
     check_form("material", good, sizeof good, 422, "is given twice");
     check_form("tolerance", good, sizeof good, 422, "must be a number, not an array");

@@ -160,7 +160,7 @@ TEST(errors_name_pointer_and_range)
     check_error("{\"n\":10000000}", "/n 1e7 is outside [1, 2097152]");
     check_error("{\"n\":1.5}", "/n 1.5 is not an integer of up to 53 bits");
     check_error("{\"n\":1.1}", "/n 1.1 is not an integer of up to 53 bits");
-    check_error("{\"alpha\":\"NaN\"}", "/alpha must be a number, not a string");
+    check_error("{\"alpha\":\"NaN\"}", "/alpha must be a number, not \"NaN\"");
     check_error("{\"alpha\":null}", "/alpha must be a number, not null");
     check_error("{\"flag\":1}", "/flag must be true or false, not a number");
     check_error("{\"kind\":\"third\"}", "/kind \"third\" is not one of first, true, second");
@@ -274,6 +274,9 @@ TEST(query_members_follow_the_same_table)
         CHECK_STR(t.problem.errors[0].pointer, bad[i][1]);
         api_arena_close(&t.arena);
     }
+    t = decode(NULL, "alpha=1e400");
+    CHECK_STR(t.problem.errors[0].detail, "must be a number, not \"1e400\"");
+    api_arena_close(&t.arena);
     t = decode(NULL, "title=%zz");
     CHECK_INT(t.problem.status, 400);
     api_arena_close(&t.arena);
