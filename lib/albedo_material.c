@@ -40,7 +40,7 @@ facet_status facet_albedo_open(struct albedo_material *a, const facet_material *
                                          e.alpha_1 > 4 * e.alpha_2,
                                          options->tolerance < 1e-5};
     a->det = r->alpha_x * form.conditional.hi;
-    a->scale = m->ndf == FACET_TABULATED ? m->table->view.slope_scale : 1;
+    a->scale = m->ndf == FACET_TABULATED ? m->table->view.psi_scale : 1;
     a->channels = m->fresnel.channels;
     a->watch = options->watch;
     a->turned = m->ndf == FACET_TABULATED && facet_slope_table_is_turned(&m->table->view);

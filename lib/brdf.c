@@ -133,11 +133,11 @@ static bool divides_by_sigmas(enum kernel_masking masking)
     return masking == KERNEL_SMITH_THESIS || masking == KERNEL_UNCORRELATED_THESIS;
 }
 
-/* Powers of a table's scale are formed, and its density without them. */
+/* Powers of a table's scales are formed, and its density without them. */
 static bool table_floats_hold(const facet_slope_table *table, facet_ellipse e)
 {
-    double b = table->view.slope_scale;
-    return fmin(b, 1) * e.alpha_2 >= 1e-4 && fmax(b, 1) * e.alpha_1 <= 1e3 &&
+    double b = table->view.slope_scale; /* which psi_scale never exceeds */
+    return fmin(table->view.psi_scale, 1) * e.alpha_2 >= 1e-4 && fmax(b, 1) * e.alpha_1 <= 1e3 &&
            table->q.most <= LOG_Q_MOST && table->psi.most <= LOG_Q_MOST;
 }
 

@@ -1,6 +1,7 @@
 #include "slope_table.h"
 
 #include "slope_quantile.h"
+#include "slope_ring.h"
 #include "slope_sheet.h"
 #include "slope_spline.h"
 
@@ -17,6 +18,12 @@
 #define SIGMA_ERROR 2e-10
 #define PSI_ERROR 2.5e-7
 #define FAR_ERROR 1e-5
+/*
+ * A table whose scale is more than so many mean slopes may have all its sigma within one cell: where
+ * that is not told, it is tabulated at so many mean slopes instead.
+ */
+#define SCALE_FAR 16.0
+#define SCALE_OWN 4.0
 /* A table is normalised to this, in so many passes at most. */
 #define MASS_ERROR 1e-13
 #define PASSES_MAX 3
@@ -28,10 +35,10 @@ struct psi_node {
     double y, slope;
 };
 
-/* w in (0, 1] */
-static struct psi_node psi_at(const struct slope_pieces *pieces, double w)
+/* w in (0, 1], b: psi_scale */
+static struct psi_node psi_at(const struct slope_pieces *pieces, double b, double w)
 {
-    double b = pieces->scale, derivative;
+    double derivative;
     double psi = facet_slope_pieces_psi(pieces, b * (1 - w) / w, &derivative);
     double y = log(psi / (b * w));
     if (!(y > KERNEL_LOG_ZERO)) return (struct psi_node){KERNEL_LOG_ZERO, 0};
@@ -39,18 +46,20 @@ static struct psi_node psi_at(const struct slope_pieces *pieces, double w)
 }
 
 /* v to infinity: P = D(pi/2)/r^4 there, D(pi/2) = exp(log_q(1)) b^4, hence psi = D(pi/2) pi/(4 v). */
-static double psi_limit(const struct slope_pieces *pieces)
+static double psi_limit(const struct slope_pieces *pieces, double b)
 {
-    const double *c = pieces->log_q.c + 4 * (pieces->log_q.cells - 1);
-    double y = c[0] + c[1] + c[2] + c[3] + log(FACET_PI / 4 * pieces->scale * pieces->scale);
+    const double *c = pieces->log_q.c + 4 * (pieces->log_q.cells - 1),
+                 square = pieces->scale * pieces->scale;
+    double y = c[0] + c[1] + c[2] + c[3] + log(FACET_PI / 4 * square * (square / (b * b)));
     return fmax(y, KERNEL_LOG_ZERO);
 }
 
 /* Values at w = (2 i + 1)/(2 cells), halfway between the nodes of cells cells. */
-static void psi_between(const struct slope_pieces *pieces, size_t cells, struct psi_node *node)
+static void psi_between(const struct slope_pieces *pieces, double b, size_t cells,
+                        struct psi_node *node)
 {
     for (size_t i = 0; i < cells; i++)
-        node[i] = psi_at(pieces, (2 * (double)i + 1) / (2 * (double)cells));
+        node[i] = psi_at(pieces, b, (2 * (double)i + 1) / (2 * (double)cells));
 }
 
 /* middle: log_psi halfway through the first cell, in place of the slope at w = 0, which is unknown. */
@@ -69,52 +78,96 @@ static void tabulate_psi(const struct psi_node *node, size_t cells, double middl
     }
 }
 
-/* Error of sigma halfway between the nodes, in front of and behind the horizon. */
-static void measure_psi(facet_slope_table *table, const struct psi_node *between)
+/* Nothing is measured yet. */
+static void forget_errors(facet_slope_table *table)
 {
-    struct kernel_cubic log_psi = table->view.log_psi;
-    double b = table->view.slope_scale, cells = (double)log_psi.cells;
     table->sigma_error = table->psi_error = table->far_error = 0;
     table->near = table->reach = table->end = INFINITY;
-    for (size_t i = log_psi.cells; i-- > 0;) { /* from c = 0 on */
-        const double *c = log_psi.c + 4 * i;
-        double w = ((double)i + 0.5) / cells, begins = b * (cells / ((double)i + 1) - 1);
-        double exact = w * exp(between[i].y); /* S = 1, |c| = (1-w)/w */
-        double error = fabs(w * exp(c[0] + c[1] / 2 + c[2] / 4 + c[3] / 8) - exact);
-        table->sigma_error = fmax(table->sigma_error, error / ((1 - w) / w + exact));
-        if (exact >= FACET_FLOOR) {
-            table->psi_error = fmax(table->psi_error, error / exact);
-            continue;
-        }
-        table->near = fmin(table->near, begins);
-        if (exact >= SLOPE_FAINT)
-            table->far_error = fmax(table->far_error, error / exact);
-        else
-            table->reach = fmin(table->reach, begins);
-        if (exact == 0) table->end = fmin(table->end, b * (cells / (double)i - 1));
+}
+
+/* Error of sigma at t in cell i, where log_psi is y, in front of and behind the horizon. */
+static void measure_at(facet_slope_table *table, size_t i, double t, double y)
+{
+    struct kernel_cubic log_psi = table->view.log_psi;
+    const double *c = log_psi.c + 4 * i;
+    double b = table->view.psi_scale, cells = (double)log_psi.cells;
+    double w = ((double)i + t) / cells, begins = b * (cells / ((double)i + 1) - 1);
+    double exact = w * exp(y); /* S = 1, |c| = (1-w)/w */
+    double error = fabs(w * exp(c[0] + t * (c[1] + t * (c[2] + t * c[3]))) - exact);
+    table->sigma_error = fmax(table->sigma_error, error / ((1 - w) / w + exact));
+    if (exact >= FACET_FLOOR) {
+        table->psi_error = fmax(table->psi_error, error / exact);
+        return;
     }
+    table->near = fmin(table->near, begins);
+    if (exact >= SLOPE_FAINT)
+        table->far_error = fmax(table->far_error, error / exact);
+    else
+        table->reach = fmin(table->reach, begins);
+    if (exact == 0) table->end = fmin(table->end, b * (cells / (double)i - 1));
+}
+
+/*
+ * Where the middle of a cell says little: in the first, which was made to go through it, and in the last,
+ * where sigma begins at small slopes.  Those below a quarter of the first piece are all alike.
+ */
+static void measure_ends(facet_slope_table *table, const struct slope_pieces *pieces)
+{
+    double b = table->view.psi_scale, cells = (double)table->view.log_psi.cells;
+    double least = ring_slope(pieces->scale, pieces->piece[0].u1) / 4;
+    for (double t = .25; t > .02; t /= 2) {
+        measure_at(table, 0, t, psi_at(pieces, b, t / cells).y);
+        measure_at(table, 0, 1 - t, psi_at(pieces, b, (1 - t) / cells).y);
+    }
+    for (double rest = .75; b * rest / cells > least; rest /= 2)
+        measure_at(table, table->view.log_psi.cells - 1, 1 - rest,
+                   psi_at(pieces, b, 1 - rest / cells).y);
+}
+
+static bool is_told(const facet_slope_table *table)
+{
+    return table->sigma_error <= SIGMA_ERROR && table->psi_error <= PSI_ERROR;
 }
 
 /* Doubles the cells until sigma is right to SIGMA_ERROR.  node and between hold PSI_CELLS_MAX + 1. */
 static void tabulate_sigma(facet_slope_table *table, const struct slope_pieces *pieces, double *c,
                            struct psi_node *node, struct psi_node *between)
 {
+    double b = table->view.psi_scale;
     size_t cells = PSI_CELLS_MIN;
-    node[0] = (struct psi_node){psi_limit(pieces), 0};
-    for (size_t i = 1; i <= cells; i++) node[i] = psi_at(pieces, (double)i / (double)cells);
+    node[0] = (struct psi_node){psi_limit(pieces, b), 0};
+    for (size_t i = 1; i <= cells; i++) node[i] = psi_at(pieces, b, (double)i / (double)cells);
     for (;; cells *= 2) {
-        psi_between(pieces, cells, between);
+        bool most = 2 * cells > PSI_CELLS_MAX;
+        psi_between(pieces, b, cells, between);
         tabulate_psi(node, cells, between[0].y, c);
         table->view.log_psi = (struct kernel_cubic){c, cells};
-        measure_psi(table, between);
-        bool good = table->sigma_error <= SIGMA_ERROR && table->psi_error <= PSI_ERROR &&
-                    table->far_error <= FAR_ERROR;
-        if (good || 2 * cells > PSI_CELLS_MAX) return;
+        forget_errors(table);
+        for (size_t i = 0; i < cells; i++) measure_at(table, i, 0.5, between[i].y);
+        bool enough = is_told(table) && table->far_error <= FAR_ERROR;
+        if (most || enough) measure_ends(table, pieces);
+        if (most || (enough && is_told(table))) return;
         for (size_t i = cells + 1; i-- > 0;) {
             node[2 * i] = node[i];
             if (i < cells) node[2 * i + 1] = between[i];
         }
     }
+}
+
+/* At the table's own scale, or at that of its slopes, whichever tells more. */
+static void choose_sigma(facet_slope_table *table, const struct slope_pieces *pieces, double *c,
+                         struct psi_node *node, struct psi_node *between)
+{
+    double b = pieces->scale, mean = pieces->piece[0].moment[0];
+    table->view.psi_scale = b;
+    tabulate_sigma(table, pieces, c, node, between);
+    if (is_told(table) || !(b > SCALE_FAR * mean)) return;
+    double sigma_error = table->sigma_error;
+    table->view.psi_scale = SCALE_OWN * mean;
+    tabulate_sigma(table, pieces, c, node, between);
+    if (is_told(table) || table->sigma_error <= sigma_error) return;
+    table->view.psi_scale = b;
+    tabulate_sigma(table, pieces, c, node, between);
 }
 
 /* ---- The table -------------------------------------------------------------------------- */
@@ -178,7 +231,7 @@ static facet_status fill(facet_slope_table *table, const double *log_d, size_t n
         if (!facet_slope_normalise(norm, y, n)) return FACET_BAD_TABLE;
     }
     table->quantile_gain = facet_slope_quantile_gain(pieces);
-    tabulate_sigma(table, pieces, c + 4 * cells, node, between);
+    choose_sigma(table, pieces, c + 4 * cells, node, between);
     facet_slope_table_measure(table);
     return FACET_OK;
 }

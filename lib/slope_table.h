@@ -25,7 +25,7 @@ struct slope_reach {
 /*
  * The model is D as view.log_q tabulates it: exact up to rounding.  sigma is
  * the integral of that D, tabulated in turn, so it carries an error of its own,
- * measured halfway between the nodes of log_psi when the table is made.
+ * measured halfway between the nodes of log_psi, and all over its ends, when the table is made.
  */
 struct facet_slope_table {
     struct kernel_table view;   /* first: what a kernel holds is the table */

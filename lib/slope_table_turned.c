@@ -161,7 +161,7 @@ facet_status facet_slope_table_create_turned(double scale, const double *log_d, 
     facet_slope_table *made = calloc(1, sizeof *made + 16 * patches * sizeof(double));
     facet_status status = FACET_NO_MEMORY;
     if (made) {
-        made->view.slope_scale = scale;
+        made->view.slope_scale = made->view.psi_scale = scale;
         status = fill(made, &s, y);
     }
     free(y);

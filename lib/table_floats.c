@@ -88,9 +88,10 @@ static void walk_all(const struct walk *w)
 
 static void measure_radial(facet_slope_table *table)
 {
-    double b = table->view.slope_scale;
+    double b = table->view.psi_scale;
     struct kernel_cubic psi = table->view.log_psi;
-    walk_all(&(struct walk){table->view.log_q, b, LOG_Q_FAINT, false, &table->q});
+    walk_all(
+        &(struct walk){table->view.log_q, table->view.slope_scale, LOG_Q_FAINT, false, &table->q});
     walk_all(&(struct walk){psi, b, KERNEL_LOG_ZERO, true, &table->psi});
     /* D = P (1 + r^2)^2, P = exp(log_q) (1 - u)^4, and d u/d log r = u (1 - u). */
     table->gain = 4 + table->q.gain;

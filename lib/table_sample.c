@@ -117,7 +117,7 @@ static size_t draw_any(const struct kernel_surface *f, const struct kernel_job *
 
 static double turned_sigma(const struct kernel_table *table, struct viewer o, double azimuth)
 {
-    double length = table->slope_scale * o.s, whole = length + o.c;
+    double length = table->psi_scale * o.s, whole = length + o.c;
     return o.c +
            length * (length / whole) * exp(slope_sheet_at(table->turned_psi, o.c / whole, azimuth));
 }

@@ -31,10 +31,10 @@ struct kernel_sheet {
  *   u = r / (b + r)              P(r) = exp(log_q(u)) (1 - u)^4,  D(theta) = P (1 + r^2)^2,
  * free of division by h_z: with R the length of the standard slopes times H_z,
  *   u = R / (b H_z + R)          D = |H|^4 exp(log_q(u)) b^4 / (det (b H_z + R)^4).
- * With a direction k = (s, 0, c), S = b s,
+ * With a direction k = (s, 0, c), S = psi_scale s,
  *   w = S / (S + |c|)            sigma(k) = max(c, 0) + S w exp(log_psi(w)).
- * (log_q, not log D, because it is smooth at the scale b alone; the b in w
- * resolves sigma of narrow tables; the factor w leaves log_psi smooth at 0.)
+ * (log_q, not log D, because it is smooth at the scale b alone; psi_scale is b, or, where b is far
+ * beyond the slopes there are, theirs: it resolves sigma; the factor w leaves log_psi smooth at 0.)
  * Where D or sigma - max(c, 0) counts as 0 the cubics lie at KERNEL_LOG_ZERO:
  * exp must answer 0 there, and is never handed less.
  *
@@ -59,7 +59,7 @@ struct kernel_floats {
 };
 
 struct kernel_table {
-    double slope_scale;
+    double slope_scale, psi_scale;
     struct kernel_cubic log_q, log_psi;
     struct kernel_sheet turned_q, turned_psi; /* no turns: it is radial */
     /* Floats hold sigma seen from behind where |c| is no more than this times s: beyond they lose it, and D. */

@@ -192,7 +192,7 @@ INLINE real table_density(const struct kernel_surface *s, struct half h)
 
 INLINE real table_excess(const struct kernel_surface *s, struct direction k)
 {
-    real length = R(s->table->slope_scale) * root_from_zero(k.s2);
+    real length = R(s->table->psi_scale) * root_from_zero(k.s2);
     struct place p = place_of(length, real_abs(k.c), k.a, k.b);
     return length * (length * p.inverse) * table_psi(s, p);
 }

@@ -52,6 +52,43 @@ TEST(samples_have_the_pdf_that_pdf_says)
     }
 }
 
+/* All slopes of this table lie within its first cell: its samples' density had a sigma of its own. */
+TEST(samples_of_a_table_far_wider_than_its_slopes)
+{
+    static const double wo[][3] = {{.6, 0, .8}, {.995, 0, .0998749}};
+    char slopes[400 * 24] = "", body[sizeof slopes + 600];
+    for (int i = 0; i < 399; i++) {
+        double r = 1e4 * i / (399. - i);
+        sprintf(slopes + strlen(slopes), "%.6g,", fmax(2 * log1p(r * r) - r * r, -1e4));
+    }
+    for (int k = 0; k < 2; k++) {
+        snprintf(body, sizeof body,
+                 "{\"material\":{\"ndf\":\"tabulated\",\"alpha\":0.3,\"slopes\":{\"scale\":1e4,"
+                 "\"log_D\":[%s-1e4]}},\"wo\":[[%g,%g,%g]],\"n\":20,\"tolerance\":1e-7}",
+                 slopes, wo[k][0], wo[k][1], wo[k][2]);
+        struct answer s = ask_post("/v1/sample", body);
+        CHECK_INT(s.response.status, 200);
+        for (size_t i = 0; i < 20; i++) {
+            double z = answer_component(&s, "wi", i, 2), pdf = answer_number(&s, "pdf", i);
+            if (z <= 0) continue;
+            snprintf(body, sizeof body,
+                     "{\"material\":{\"ndf\":\"tabulated\",\"alpha\":0.3,\"slopes\":{\"scale\":1e4,"
+                     "\"log_D\":[%s-1e4]}},\"wo\":[[%g,%g,%g]],\"wi\":[[%.17g,%.17g,%.17g]],"
+                     "\"outputs\":[\"fr_cos\",\"pdf\"],\"tolerance\":1e-6}",
+                     slopes, wo[k][0], wo[k][1], wo[k][2], answer_component(&s, "wi", i, 0),
+                     answer_component(&s, "wi", i, 1), z);
+            struct answer e = ask_post("/v1/eval", body);
+            CHECK_INT(e.response.status, 200);
+            /* wi is right to 1e-7, which the slopes feel 1/alpha and 1/z times. */
+            CHECK_REL(pdf, answer_number(&e, "pdf", 0), 1e-4, 0);
+            CHECK_REL(answer_number(&s, "weight", i) * pdf, answer_number(&e, "fr_cos", 0), 1e-4,
+                      0);
+            answer_clear(&e);
+        }
+        answer_clear(&s);
+    }
+}
+
 TEST(a_seed_means_the_documented_numbers)
 {
     char body[600];

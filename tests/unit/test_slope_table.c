@@ -52,7 +52,7 @@ static double evaluate(struct kernel_cubic cubic, double u)
 /* psi as kernels.h defines it: sigma(k) = max(c, 0) + s psi(|c|/s) */
 static double table_psi(const facet_slope_table *table, double v)
 {
-    double b = table->view.slope_scale, w = b / (b + v);
+    double b = table->view.psi_scale, w = b / (b + v);
     return b * w * exp(evaluate(table->view.log_psi, w));
 }
 
@@ -179,6 +179,30 @@ TEST(sigma_is_the_integral_of_the_tabulated_d)
     }
     check_note("own estimate", table->sigma_error);
     facet_slope_table_destroy(table);
+}
+
+/*
+ * However far the scale is from the slopes, all of which may lie within one cell: sigma is the integral
+ * of D to three times the error stated, as the bounds count it, and where the table is smooth as right as
+ * at the slopes' own scale.
+ */
+TEST(sigma_is_told_at_any_scale)
+{
+    static const double scales[] = {1e-4, .01, 1, 100, 1e3, 1e4};
+    static const size_t nodes[] = {4, 25, 91, 400, 4096};
+    for (int k = 0; k < 6 * 5 * 2; k++) {
+        double scale = scales[k % 6], worst = 0;
+        facet_slope_table *table = tabulate(k / 30, k / 30 ? 1 : .05, scale, nodes[k / 6 % 5]);
+        if (!table) return;
+        for (double v = 1e-9; v < 1e5; v *= 1.05) {
+            double derivative, exact = facet_slope_pieces_psi(&table->pieces, v, &derivative);
+            worst = check_worse(worst, fabs(table_psi(table, v) - exact) / (v + exact));
+        }
+        CHECK(worst <= 3 * table->sigma_error + 2e-10);
+        if (scale >= 1) CHECK(table->sigma_error < 1e-9);
+        if (scale >= 1) check_note("sigma", worst);
+        facet_slope_table_destroy(table);
+    }
 }
 
 /* Nodes off a smooth curve by noise of any size: between them the table is off by little more. */
