@@ -82,7 +82,11 @@ static const struct field request_fields[] = {
 #define OF(id) .offset = offsetof(struct sample_response, of[id]), .type = FIELD_PRINTED
 
 static const struct field response_fields[] = {
-    {.name = "wi", OF(WI), .width = 3, .doc = "sampled directions; their floor is direction_floor"},
+    {.name = "wi",
+     OF(WI),
+     .width = 3,
+     .doc =
+         "sampled directions, as JSON with 7 digits or more, which keep their length 1; their floor is direction_floor"},
     {.name = "weight",
      OF(WEIGHT),
      .doc = "fr cos(theta_i) / pdf at the wi returned; 0 below the horizon"},
@@ -242,10 +246,14 @@ static bool allocate(struct job *job, struct arena *arena)
 
 static void open_results(struct job *job, struct arena *arena)
 {
+    /* However coarse the bound: a direction of length 1 is to be one when it is sent back. */
+    enum { DIRECTION_DIGITS = 7 };
     const size_t widths[OUTPUT_COUNT] = {3, job->channels, 1, 3, 1};
-    for (int i = 0; i < OUTPUT_COUNT; i++)
+    for (int i = 0; i < OUTPUT_COUNT; i++) {
+        const int least = i == WI || i == H ? DIRECTION_DIGITS : 1, digits = job->promise.digits;
         api_results_open_as(&job->results[i], arena, job->representation.format, widths[i],
-                            job->in->flat, job->promise.digits);
+                            job->in->flat, digits < least ? least : digits);
+    }
 }
 
 static bool print_chunk(struct call *call, struct job *job, size_t n)

@@ -136,7 +136,9 @@ static bool refuse_flaw(const struct number_array *array, const struct place *pl
     if (array->flaw == ARRAY_NO_NUMBER)
         return api_problem_at(decoder->problem, &at, "must be a number, not %s", array->what);
     if (array->flaw == ARRAY_CUT)
-        return api_problem_at(decoder->problem, place, "has %zu bytes, must have a multiple of %zu",
+        return api_problem_at(decoder->problem, place,
+                              "has %zu bytes, must have a multiple of %zu: raw numbers or .npy "
+                              "(JSON stands in the part \"request\")",
                               array->found, array->columns);
     if (array->flaw == ARRAY_NO_ROW)
         return api_problem_at(decoder->problem, &row, "must be an array of numbers, not %s",

@@ -334,6 +334,7 @@ TEST(bad_parts_are_refused)
     check_form("wi", good, sizeof good, 200, "\"count\":2");
     check_form("wi", good, 8, 422, "must have a multiple of 3");
     check_form("wi", good, 11, 422, "must have a multiple of 4");
+    check_form("wi", "[[0,0,1]]", 9, 422, "JSON stands in the part");
     check_form("wi", good, 0, 422, "has 0 elements");
     check_form("wi", bad, sizeof bad, 422, "/wi/0");
     check_form("wi", far, sizeof far, 422, "has length inf, must have length 1 within 0.001");

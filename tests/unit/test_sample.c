@@ -89,6 +89,31 @@ TEST(samples_of_a_table_far_wider_than_its_slopes)
     }
 }
 
+/* A bound of .5 supports one digit, with which no direction has length 1. */
+TEST(coarse_directions_are_taken_again)
+{
+    static const char *const tiers[] = {"draft", "fast"};
+    static const double lengths[] = {2e-4, 1e-6};
+    for (int t = 0; t < 2; t++) {
+        char body[300];
+        snprintf(
+            body, sizeof body,
+            "{\"material\":{\"ndf\":\"beckmann\",\"alpha\":0.001,\"mean_slope\":[5,0.1]},"
+            "\"wo\":[[0,0,1]],\"n\":50,\"outputs\":[\"wi\",\"h\"],\"flat\":true,\"tier\":\"%s\"}",
+            tiers[t]);
+        struct answer a = ask_post("/v1/sample", body);
+        CHECK_INT(a.response.status, 200);
+        CHECK(answer_value(json_object_get(json_object_get(a.json, "accuracy"), "bound")) > 0.1);
+        for (size_t i = 0; i < 2 * 50; i++) {
+            const char *name = i % 2 ? "wi" : "h";
+            double v[3];
+            for (size_t k = 0; k < 3; k++) v[k] = answer_number(&a, name, 3 * (i / 2) + k);
+            CHECK_REL(sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), 1, lengths[t], 0);
+        }
+        answer_clear(&a);
+    }
+}
+
 TEST(a_seed_means_the_documented_numbers)
 {
     char body[600];
