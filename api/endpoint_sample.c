@@ -3,6 +3,7 @@
 #include "endpoint.h"
 #include "evaluate.h"
 #include "facet_solid_angle.h"
+#include "facet_table.h"
 #include "limits.h"
 #include "random.h"
 #include "sample_floats.h"
@@ -108,7 +109,6 @@ struct job {
     struct pairing pairing; /* first: wo, second: u */
     struct promise promise;
     double input_error; /* of wo, times facet_closeness of all of them */
-    bool any_below;     /* some wo, where it matters */
     bool is_dense;      /* with transmission: some wo are on the side of the larger index */
     double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf, *solid_angle;
     struct results results[OUTPUT_COUNT];
@@ -329,6 +329,7 @@ static bool survey_wo(struct call *call, struct job *job)
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
     const bool is_turned = api_material_is_turned(&job->in->material);
+    double depth = 0;
     for (size_t i = 0, n; (error > 0 || job->surface.bsdf || is_turned) && i < job->wo.count;
          i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
@@ -337,23 +338,12 @@ static bool survey_wo(struct call *call, struct job *job)
         bool below_is_dense = job->surface.facet.fresnel.eta[0] > 1;
         for (size_t k = 0; k < n; k++)
             job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
-        for (size_t k = 0; k < n; k++) job->any_below = job->any_below || wo.z[k] < 0;
+        if (is_turned) depth = fmax(depth, facet_depth(job->surface.brdf, wo, n));
         job->input_error = fmax(job->input_error,
                                 error * facet_closeness(job->surface.brdf, wo, wo, n, true));
     }
+    if (is_turned) facet_brdf_expect(job->surface.brdf, depth);
     return true;
-}
-
-/* Visible normals of slopes over the azimuth (facet_table.h). */
-static bool check_views(const struct job *job, struct problem *problem)
-{
-    struct place at = {NULL, "wo", 0};
-    if (!job->any_below || job->sampler != FACET_SAMPLER_TABLE ||
-        !api_material_is_turned(&job->in->material))
-        return true;
-    return api_problem_at(
-        problem, &at,
-        "lies below the horizon, from where slopes over the azimuth tell no visible normals");
 }
 
 /* It is of slopes: those of a cosine sample are not the material's. */
@@ -388,7 +378,7 @@ static bool prepare(struct call *call, struct job *job)
                      asked(job, PDF) + (asked(job, H) ? 3 : 0) + asked(job, SOLID_ANGLE);
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
-    if (!survey_wo(call, job) || !check_views(job, call->problem)) return false;
+    if (!survey_wo(call, job)) return false;
     if (!api_represent(call, in->dtype, &in->accuracy,
                        (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||

@@ -1,6 +1,8 @@
 /* evaluate_round.c - chunks of an evaluation shared among threads, and what all pairs have in common. */
 #include "evaluate_job.h"
 
+#include "facet_table.h"
+
 #include <math.h>
 #include <stdint.h>
 
@@ -125,8 +127,7 @@ struct look {
     size_t at;
     struct seen {
         facet_status status;
-        double condition, closeness;
-        size_t below; /* the first wo below the horizon; SIZE_MAX: none */
+        double condition, closeness, depth;
     } seen[SLOTS_MAX];
 };
 
@@ -137,13 +138,21 @@ static double closeness_of(const struct job *job, facet_vec3_in wi, facet_vec3_i
                              : facet_closeness(job->surface.brdf, wi, wo, n, exact_z);
 }
 
+/* What a table over the azimuth tells the worse, the deeper it is seen from behind (facet_table.h). */
+static bool tells_depth(const struct job *job)
+{
+    const bool visible = job->evaluation->sampler == FACET_SAMPLER_TABLE;
+    const uint32_t told = 1 << FACET_D_VIS | 1 << FACET_SIGMA_O | (visible ? 1 << FACET_PDF : 0);
+    return api_material_is_turned(job->evaluation->material) && job->evaluation->outputs & told;
+}
+
 static void look_at_chunk(void *look_, size_t index)
 {
     struct look *look = look_;
     const struct job *job = look->job;
     double v[6][BLOCK], *const in[6] = {v[0], v[1], v[2], v[3], v[4], v[5]};
     const facet_vec3_in wi = {v[0], v[1], v[2]}, wo = {v[3], v[4], v[5]};
-    struct seen seen = {FACET_OK, 1, 1, SIZE_MAX};
+    struct seen seen = {FACET_OK, 1, 1, 0};
     size_t at = look->at + index * CHUNK, end = at + CHUNK, count = job->pairs.pairing.count;
     if (end > count) end = count;
     for (size_t n; at < end && !seen.status; at += n) {
@@ -152,30 +161,11 @@ static void look_at_chunk(void *look_, size_t index)
         api_pairs_fill(&job->pairs, at, n, false, in);
         seen.status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         seen.condition = fmax(seen.condition, condition);
-        for (size_t k = 0; k < n && seen.below == SIZE_MAX; k++)
-            if (wo.z[k] < 0) seen.below = at + k;
+        if (tells_depth(job)) seen.depth = fmax(seen.depth, facet_depth(job->surface.brdf, wo, n));
         if (job->pairs.input_error > 0)
             seen.closeness = fmax(seen.closeness, closeness_of(job, wi, wo, n));
     }
     look->seen[index] = seen;
-}
-
-/* What a table over the azimuth does not tell from below (facet_table.h). */
-static bool needs_front(const struct job *job)
-{
-    const bool visible = job->evaluation->sampler == FACET_SAMPLER_TABLE;
-    const uint32_t told = 1 << FACET_D_VIS | 1 << FACET_SIGMA_O | (visible ? 1 << FACET_PDF : 0);
-    return api_material_is_turned(job->evaluation->material) && job->evaluation->outputs & told;
-}
-
-static bool refuse_below(struct call *call, size_t pair)
-{
-    struct place at = {NULL, "wo", 0};
-    return api_problem_at(
-        call->problem, &at,
-        "of pair %zu lies below the horizon, where slopes over the azimuth tell no sigma_o, "
-        "D_vis and pdf",
-        pair);
 }
 
 bool api_survey_pairs(struct call *call, struct job *job)
@@ -185,8 +175,8 @@ bool api_survey_pairs(struct call *call, struct job *job)
     struct look look = {.job = job};
     job->condition = 1;
     job->input_error = error;
-    const bool front = needs_front(job);
-    if (job->surface.facet.shear != FACET_THESIS && error == 0 && !front) return true;
+    double depth = 0;
+    if (job->surface.facet.shear != FACET_THESIS && error == 0 && !tells_depth(job)) return true;
     for (; look.at < count; look.at += SLOTS_MAX * (size_t)CHUNK) {
         size_t chunks = (count - look.at + CHUNK - 1) / CHUNK;
         if (chunks > SLOTS_MAX) chunks = SLOTS_MAX;
@@ -195,11 +185,12 @@ bool api_survey_pairs(struct call *call, struct job *job)
         for (size_t i = 0; i < chunks; i++) {
             const struct seen *seen = &look.seen[i];
             if (seen->status) return api_problem_status(call->problem, seen->status, NULL);
-            if (front && seen->below != SIZE_MAX) return refuse_below(call, seen->below);
+            depth = fmax(depth, seen->depth);
             job->condition = fmax(job->condition, seen->condition);
             job->input_error = fmax(job->input_error, error * seen->closeness);
         }
     }
+    if (tells_depth(job)) facet_brdf_expect(job->surface.brdf, depth);
     call->response->trace.compute_us += api_clock() - start;
     return true;
 }

@@ -208,10 +208,15 @@ static double arithmetic_of(facet_tier tier)
     return rounding[tier];
 }
 
-static bool may_be_behind(const facet_brdf *b, facet_quantity quantity)
+/*
+ * How far behind the mean facets a quantity looks, as |c|/s: above the horizon no further than the mean
+ * slope, and what is 0 below it looks no further.
+ */
+static double depth_of(const facet_brdf *b, facet_quantity quantity)
 {
-    return b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS ||
-           quantity == FACET_SIGMA_O;
+    bool anywhere = quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
+    if (anywhere) return b->depth;
+    return b->shape == KERNEL_SHEARED ? b->surface.mean : 0;
 }
 
 /*
@@ -221,32 +226,34 @@ static bool may_be_behind(const facet_brdf *b, facet_quantity quantity)
 static double table_rounding(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
 {
     const facet_slope_table *table = b->material.table;
+    bool behind = depth_of(b, quantity) > 0;
     if (tier >= FACET_EXACT32) {
-        struct slope_reach psi = may_be_behind(b, quantity) ? table->far_behind : table->psi;
-        double sigma = quantity == FACET_D ? 0 : psi.gain + psi.rise;
+        struct slope_reach psi = behind ? table->far_behind : table->psi;
+        double size = facet_slope_table_is_turned(&table->view) ? psi.size : 0;
+        double sigma = quantity == FACET_D ? 0 : psi.gain + psi.rise + size;
         return 8 * arithmetic_of(tier) * (table->gain + table->q.rise + 2 * sigma);
     }
     double q = 6 * table->q.gain + 3 * table->q.size,
            psi = 6 * table->psi.gain + 3 * table->psi.size,
-           behind = 6 * table->behind.gain + 3 * table->behind.size;
+           far = 6 * table->behind.gain + 3 * table->behind.size;
     if (quantity == FACET_D) return FLOAT_ROUNDING * q;
-    if (may_be_behind(b, quantity)) psi = fmax(psi, behind);
+    if (behind) psi = fmax(psi, far);
     return FLOAT_ROUNDING * (q + 2 * psi);
 }
 
 /*
- * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest.
- * Behind the mean facet sigma is all excess, and right to psi_error; over the azimuth it is not told there,
- * and its error is measured between all of its nodes.
+ * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest, over the
+ * azimuth between all of its nodes.  Behind the mean facet sigma is all excess, and right to psi_error.
  */
 static double table_error(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
 {
     if (b->material.ndf != FACET_TABULATED) return 0;
     const facet_slope_table *table = b->material.table;
-    double rounding = table_rounding(b, tier, quantity);
+    double rounding = table_rounding(b, tier, quantity), depth = depth_of(b, quantity);
     if (quantity == FACET_D) return rounding;
-    bool behind = may_be_behind(b, quantity) && !facet_slope_table_is_turned(&table->view);
-    return rounding + fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
+    double share = facet_slope_table_is_turned(&table->view) ? 3 : 1.5,
+           behind = depth > 0 ? share * facet_slope_table_psi_error(table, depth) : 0;
+    return rounding + fmax(3 * table->sigma_error, behind);
 }
 
 /* d log D by the slope itself, which shear and rounded components move by so much and not by a share: a table is as narrow as its scale. */
@@ -389,9 +396,10 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
                  quantile_error(&twin, method);
         return true;
     }
-    /* Its density divides by sigma as it is, not as it is tabulated. */
-    if (method == FACET_SAMPLER_TABLE && !facet_bound(b, tier, FACET_D, input_error, &pdf))
-        return false;
+    /* Of a radial table its density divides by sigma as it is, not as it is tabulated. */
+    bool exact = method == FACET_SAMPLER_TABLE &&
+                 !facet_slope_table_is_turned(&b->material.table->view);
+    if (exact && !facet_bound(b, tier, FACET_D, input_error, &pdf)) return false;
     *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) +
              caps_stretch(b, tier) + quantile_error(b, method);
     return true;

@@ -51,10 +51,6 @@ static facet_status check(const facet_material *m)
         (unsigned)m->shear >= FACET_SHEAR_COUNT)
         return FACET_UNSUPPORTED;
     if (m->ndf == FACET_TABULATED && !m->table) return FACET_BAD_TABLE;
-    /* From behind its mean facet a table over the azimuth is not told (facet_table.h). */
-    bool turned = m->ndf == FACET_TABULATED && facet_slope_table_is_turned(&m->table->view);
-    if (turned && (m->roughness.slope_x != 0 || m->roughness.slope_y != 0))
-        return FACET_UNSUPPORTED;
     bool smith = m->masking == FACET_SMITH || m->masking == FACET_SMITH_UNCORRELATED;
     return m->shear == FACET_THESIS && !smith ? FACET_UNSUPPORTED : FACET_OK;
 }
@@ -210,9 +206,28 @@ facet_status facet_brdf_create(const facet_material *m, facet_brdf **brdf)
     b->automatic = facet_sampler_auto(m);
     b->channels = m->fresnel.channels;
     b->floats_hold = floats_hold(m) && !divides_by_sigmas(b->masking);
+    b->depth = INFINITY;
     copy_fresnel(b, &m->fresnel);
     *brdf = b;
     return FACET_OK;
+}
+
+double facet_depth(const facet_brdf *brdf, facet_vec3_in wo, size_t n)
+{
+    const struct kernel_surface *s = &brdf->surface;
+    double deepest = 0;
+    for (size_t k = 0; k < n; k++) {
+        double c = wo.z[k] - wo.x[k] * s->slope_x - wo.y[k] * s->slope_y;
+        if (c >= 0) continue;
+        double a = s->alpha_x * wo.x[k] + s->rho_alpha_y * wo.y[k], b = s->kappa_alpha_y * wo.y[k];
+        deepest = fmax(deepest, -c / hypot(a, b));
+    }
+    return deepest;
+}
+
+void facet_brdf_expect(facet_brdf *brdf, double depth)
+{
+    brdf->depth = depth;
 }
 
 void facet_brdf_destroy(facet_brdf *brdf)

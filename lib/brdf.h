@@ -12,6 +12,7 @@ struct facet_brdf {
     facet_sampler automatic; /* what AUTO stands for */
     size_t channels;
     bool floats_hold; /* the float kernels' intermediate values stay in range */
+    double depth;     /* facet_brdf_expect's */
     struct kernel_fresnel fresnel[3];
     double tables[]; /* the Fresnel table's nodes and values */
 };

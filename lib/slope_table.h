@@ -19,6 +19,8 @@ struct slope_reach {
     double size, most, gain, rise, steep;
 };
 
+enum { SLOPE_DEPTHS = 64 };
+
 /*
  * The model is D as view.log_q tabulates it: exact up to rounding.  sigma is
  * the integral of that D, tabulated in turn, so it carries an error of its own,
@@ -29,6 +31,8 @@ struct facet_slope_table {
     struct slope_pieces pieces; /* of log_q; sampling inverts their sums */
     double sigma_error;         /* of sigma(k), relative, c >= 0 */
     double psi_error;           /* of sigma(k), relative, c < 0 and sigma >= 1e-30 s */
+    /* Over the azimuth: the same of c/s no less than -v, v = scale u/(1 - u), u = (k + 1)/SLOPE_DEPTHS */
+    double psi_error_to[SLOPE_DEPTHS];
     double gain; /* largest derivative of log D by log tan theta or the azimuth, where D counts */
     struct slope_reach q, psi; /* psi beside c > 0 */
     struct slope_reach behind,
@@ -43,6 +47,9 @@ static inline bool facet_slope_table_is_turned(const struct kernel_table *view)
 {
     return view->turned_q.turns > 0;
 }
+
+/* psi_error, where c/s >= -depth. */
+double facet_slope_table_psi_error(const facet_slope_table *table, double depth);
 
 /* What sampling needs of a table that is not radial; NULL: out of memory. */
 const struct slope_rays *facet_slope_table_rays(const facet_slope_table *table);

@@ -41,15 +41,22 @@ static double ellipse(double r, double turn)
     return r < 1e300 ? fmax(2 * log1p(r * r) - 2 * log1p(e * r * r), -60) : -2 * log(e);
 }
 
+static double falling(double r, double turn) /* seen from behind, the less the further */
+{
+    double x = cos(acos(-1) * turn), e = 1 + 3 * x * x;
+    return r < 1e300 ? fmax(2 * log1p(r * r) - e * r * r, -1e4) : -1e4;
+}
+
 static const struct source {
     const char *name;
     double (*log_d)(double r, double turn);
     double scale;
     size_t turns; /* 0: radial */
 } sources[] = {
-    {"flat", flat, 1, 0},    {"steep", steep, 1, 0},    {"ends", ends, 1, 0},
-    {"waves", waves, .7, 0}, {"narrow", flat, 0.01, 0}, {"wide", steep, 30, 0},
-    {"tiny", flat, 1e-8, 0}, {"widest", steep, 1e4, 0}, {"ellipse", ellipse, 1, TURNS},
+    {"flat", flat, 1, 0},           {"steep", steep, 1, 0},    {"ends", ends, 1, 0},
+    {"waves", waves, .7, 0},        {"narrow", flat, 0.01, 0}, {"wide", steep, 30, 0},
+    {"tiny", flat, 1e-8, 0},        {"widest", steep, 1e4, 0}, {"ellipse", ellipse, 1, TURNS},
+    {"falling", falling, 1, TURNS},
 };
 enum { SOURCES = sizeof sources / sizeof *sources };
 
@@ -77,16 +84,12 @@ static facet_vec3_in in(const struct pairs *p, int first)
     return (facet_vec3_in){p->v[first], p->v[first + 1], p->v[first + 2]};
 }
 
-/* A material of the table, its directions in front of one over the azimuth (facet_table.h). */
-static facet_brdf *draw_surface(struct rng *rng, const struct source *source,
-                                const facet_slope_table *table, bool ordinary, struct pairs *p,
-                                facet_material *m)
+static facet_brdf *draw_surface(struct rng *rng, const facet_slope_table *table, bool ordinary,
+                                struct pairs *p, facet_material *m)
 {
     struct draw_domain domain = ordinary ? draw_ordinary : draw_everywhere;
     *m = (facet_material){.ndf = FACET_TABULATED, .table = table};
-    if (source->turns) domain.slope_max = 0, domain.below = false, domain.cosine_min = 1e-6;
     draw_roughness(rng, &domain, &m->roughness);
-    if (source->turns) m->roughness.slope_x = m->roughness.slope_y = 0;
     draw_fresnel(rng, (facet_fresnel_kind)(rng_uniform(rng) * FACET_FRESNEL_COUNT), &m->fresnel);
     m->masking = (facet_masking)(rng_uniform(rng) * FACET_MASKING_COUNT);
     if (m->masking <= FACET_SMITH_UNCORRELATED && rng_uniform(rng) < 0.2) m->shear = FACET_THESIS;
@@ -193,7 +196,7 @@ TEST(bounds_of_tables_hold_in_every_tier)
         for (size_t n = 0; n < rounds && table; n++) {
             struct pairs p;
             facet_material m;
-            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, n % 3, &p, &m);
+            facet_brdf *brdf = draw_surface(&rng, table, n % 3, &p, &m);
             bool floats = n & 1;
             for (int j = 0; j < 6 && floats; j++)
                 for (int k = 0; k < PAIRS; k++) p.v[j][k] = (float)p.v[j][k];
@@ -221,7 +224,7 @@ TEST(bounds_of_tables_hold_for_computed_directions)
         for (size_t n = 0; n < rounds && table; n++) {
             struct pairs p, rounded;
             facet_material m;
-            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            facet_brdf *brdf = draw_surface(&rng, table, true, &p, &m);
             facet_tier tier = (facet_tier)(n % FACET_TIER_COUNT);
             double error = rng_log(&rng, 1e-16, 1e-6);
             for (int k = 0; k < 6 * PAIRS; k++)
@@ -294,7 +297,7 @@ TEST(samples_of_every_tier_weigh_what_eval_answers)
             struct pairs p;
             double u[2][PAIRS];
             facet_material m;
-            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            facet_brdf *brdf = draw_surface(&rng, table, true, &p, &m);
             for (int k = 0; k < PAIRS; k++)
                 u[0][k] = rng_uniform(&rng), u[1][k] = rng_uniform(&rng);
             for (int t = 0; t < FACET_TIER_COUNT && brdf && m.shear != FACET_THESIS; t++)
@@ -332,7 +335,7 @@ TEST(precise_is_the_table)
             struct pairs p;
             facet_material m;
             facet_outputs outputs;
-            facet_brdf *drawn = draw_surface(&rng, &sources[s], table, true, &p, &m), *brdf = NULL;
+            facet_brdf *drawn = draw_surface(&rng, table, true, &p, &m), *brdf = NULL;
             facet_brdf_destroy(drawn);
             m.roughness = (facet_roughness){.alpha_x = m.roughness.alpha_x,
                                             .alpha_y = m.roughness.alpha_x};
