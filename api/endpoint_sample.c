@@ -114,7 +114,6 @@ struct job {
     struct promise promise;
     double input_error; /* of wo, times facet_closeness of all of them */
     facet_depth depth;  /* of all wo */
-    bool any_below;     /* some wo, where it matters */
     bool is_dense;      /* with transmission: some wo are on the side of the larger index */
     double *from[3], *u[3], *wi[3], *h[3], *weight[3], *pdf, *solid_angle;
     struct results results[OUTPUT_COUNT];
@@ -128,6 +127,11 @@ static bool asked(const struct job *job, int output)
     return output == SOLID_ANGLE ? job->in->solid_angle : job->in->outputs >> output & 1;
 }
 
+static double depth_error(const struct job *job, facet_tier tier, const facet_depth *depth)
+{
+    return facet_sample_depth_error(job->surface.brdf, tier, job->sampler, depth);
+}
+
 static bool bound_of(const void *asked_, facet_tier tier, double *bound)
 {
     const struct job *job = asked_;
@@ -137,8 +141,7 @@ static bool bound_of(const void *asked_, facet_tier tier, double *bound)
                         : api_surface_sample_bound(&job->surface, tier, job->sampler,
                                                    job->input_error, bound);
     if (!promised) return false;
-    *bound += job->surface.parameter_error +
-              facet_sample_depth_error(job->surface.brdf, job->sampler, &job->depth);
+    *bound += job->surface.parameter_error + depth_error(job, tier, &job->depth);
     *bound = api_represented(&job->representation, *bound);
     return true;
 }
@@ -339,35 +342,20 @@ static bool survey_wo(struct call *call, struct job *job)
     double error = job->wo.input_error;
     facet_vec3_in wo = {job->from[0], job->from[1], job->from[2]};
     job->input_error = error;
-    const bool is_turned = api_material_is_turned(&job->in->material);
     const facet_depth deepest = {DBL_MAX, DBL_MAX, DBL_MAX};
-    const bool deep = facet_sample_depth_error(job->surface.brdf, job->sampler, &deepest) > 0;
-    for (size_t i = 0, n;
-         (error > 0 || job->surface.bsdf || is_turned || deep) && i < job->wo.count; i += n) {
+    const bool deep = depth_error(job, FACET_PRECISE, &deepest) > 0;
+    for (size_t i = 0, n; (error > 0 || job->surface.bsdf || deep) && i < job->wo.count; i += n) {
         n = job->wo.count - i < CHUNK ? job->wo.count - i : CHUNK;
         if (!api_still_wanted(call)) return false;
         api_plan_fill(&job->wo, i, n, job->from[0], job->from[1], job->from[2]);
         bool below_is_dense = job->surface.facet.fresnel.eta[0] > 1;
         for (size_t k = 0; k < n; k++)
             job->is_dense = job->is_dense || (wo.z[k] < 0) == below_is_dense;
-        for (size_t k = 0; k < n; k++) job->any_below = job->any_below || wo.z[k] < 0;
         job->input_error = fmax(job->input_error,
                                 error * facet_closeness(job->surface.brdf, wo, wo, n, true));
         if (deep) facet_depth_survey(job->surface.brdf, job->sampler, wo, wo, n, &job->depth);
     }
     return true;
-}
-
-/* Visible normals of slopes over the azimuth (facet_table.h). */
-static bool check_views(const struct job *job, struct problem *problem)
-{
-    struct place at = {NULL, "wo", 0};
-    if (!job->any_below || job->sampler != FACET_SAMPLER_TABLE ||
-        !api_material_is_turned(&job->in->material))
-        return true;
-    return api_problem_at(
-        problem, &at,
-        "lies below the horizon, from where slopes over the azimuth tell no visible normals");
 }
 
 /* It is of slopes: those of a cosine sample are not the material's. */
@@ -402,15 +390,14 @@ static bool prepare(struct call *call, struct job *job)
                      asked(job, PDF) + (asked(job, H) ? 3 : 0) + asked(job, SOLID_ANGLE);
     if (!api_numbers_fit(job->pairing.count, numbers, call->problem)) return false;
     if (!allocate(job, call->arena)) return api_problem_memory(call->problem);
-    if (!survey_wo(call, job) || !check_views(job, call->problem)) return false;
+    if (!survey_wo(call, job)) return false;
     if (!api_represent(call, in->dtype, &in->accuracy,
                        (size_t)__builtin_popcount(in->outputs) + in->solid_angle,
                        &job->representation) ||
         !api_promise(&in->accuracy, bound_of, job,
-                     api_bound_obstacle(
-                         &job->surface, 1,
-                         facet_sample_depth_error(job->surface.brdf, job->sampler, &job->depth),
-                         job->input_error),
+                     api_bound_obstacle(&job->surface, 1,
+                                        depth_error(job, FACET_PRECISE, &job->depth),
+                                        job->input_error),
                      call->problem, &job->promise))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);

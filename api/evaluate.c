@@ -60,12 +60,12 @@ static bool kernel_bound(const struct job *job, facet_tier tier, facet_quantity 
                : facet_pdf_bound(brdf, tier, job->evaluation->sampler, error, bound);
 }
 
-double api_depth_error(const struct job *job, const facet_depth *depth)
+double api_depth_error(const struct job *job, facet_tier tier, const facet_depth *depth)
 {
     double worst = 0;
     for (int q = 0; q < FACET_QUANTITY_COUNT; q++)
         if (api_is_asked(job, q))
-            worst = fmax(worst, facet_depth_error(job->surface.brdf, (facet_quantity)q,
+            worst = fmax(worst, facet_depth_error(job->surface.brdf, tier, (facet_quantity)q,
                                                   job->evaluation->sampler, depth));
     return worst;
 }
@@ -80,7 +80,7 @@ static bool bound_of(const void *job_, facet_tier tier, double *bound)
         if (!kernel_bound(job, tier, (facet_quantity)q, &b)) return false;
         b += job->surface.parameter_error + api_surface_error(&job->surface);
         if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
-        b += facet_depth_error(job->surface.brdf, (facet_quantity)q, job->evaluation->sampler,
+        b += facet_depth_error(job->surface.brdf, tier, (facet_quantity)q, job->evaluation->sampler,
                                &job->depth);
         if (b > *bound) *bound = b;
     }
@@ -230,7 +230,8 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
     job->takes_floats = takes_floats(job);
     if (!api_promise(evaluation->accuracy, bound_of, job,
                      api_bound_obstacle(&job->surface, job->condition,
-                                        api_depth_error(job, &job->depth), job->input_error),
+                                        api_depth_error(job, FACET_PRECISE, &job->depth),
+                                        job->input_error),
                      call->problem, &job->promise))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);

@@ -90,7 +90,7 @@ static inline size_t api_width_of(const struct job *job, int quantity)
 }
 
 /* The largest facet_depth_error of all that is asked. */
-double api_depth_error(const struct job *job, const facet_depth *depth);
+double api_depth_error(const struct job *job, facet_tier tier, const facet_depth *depth);
 
 size_t api_numbers_per_pair(const struct job *job);
 

@@ -128,7 +128,6 @@ struct look {
         facet_status status;
         double condition, closeness;
         facet_depth depth;
-        size_t below; /* the first wo below the horizon; SIZE_MAX: none */
     } seen[SLOTS_MAX];
 };
 
@@ -145,7 +144,7 @@ static void look_at_chunk(void *look_, size_t index)
     const struct job *job = look->job;
     double v[6][BLOCK], *const in[6] = {v[0], v[1], v[2], v[3], v[4], v[5]};
     const facet_vec3_in wi = {v[0], v[1], v[2]}, wo = {v[3], v[4], v[5]};
-    struct seen seen = {.condition = 1, .closeness = 1, .below = SIZE_MAX};
+    struct seen seen = {.condition = 1, .closeness = 1};
     size_t at = look->at + index * CHUNK, end = at + CHUNK, count = job->pairs.pairing.count;
     if (end > count) end = count;
     for (size_t n; at < end && !seen.status; at += n) {
@@ -155,30 +154,10 @@ static void look_at_chunk(void *look_, size_t index)
         seen.status = facet_condition(job->surface.brdf, wi, wo, n, &condition);
         seen.condition = fmax(seen.condition, condition);
         facet_depth_survey(job->surface.brdf, job->evaluation->sampler, wi, wo, n, &seen.depth);
-        for (size_t k = 0; k < n && seen.below == SIZE_MAX; k++)
-            if (wo.z[k] < 0) seen.below = at + k;
         if (job->pairs.input_error > 0)
             seen.closeness = fmax(seen.closeness, closeness_of(job, wi, wo, n));
     }
     look->seen[index] = seen;
-}
-
-/* What a table over the azimuth does not tell from below (facet_table.h). */
-static bool needs_front(const struct job *job)
-{
-    const bool visible = job->evaluation->sampler == FACET_SAMPLER_TABLE;
-    const uint32_t told = 1 << FACET_D_VIS | 1 << FACET_SIGMA_O | (visible ? 1 << FACET_PDF : 0);
-    return api_material_is_turned(job->evaluation->material) && job->evaluation->outputs & told;
-}
-
-static bool refuse_below(struct call *call, size_t pair)
-{
-    struct place at = {NULL, "wo", 0};
-    return api_problem_at(
-        call->problem, &at,
-        "of pair %zu lies below the horizon, where slopes over the azimuth tell no sigma_o, "
-        "D_vis and pdf",
-        pair);
 }
 
 bool api_survey_pairs(struct call *call, struct job *job)
@@ -188,10 +167,9 @@ bool api_survey_pairs(struct call *call, struct job *job)
     struct look look = {.job = job};
     job->condition = 1;
     job->input_error = error;
-    const bool front = needs_front(job);
     const facet_depth deepest = {DBL_MAX, DBL_MAX, DBL_MAX};
-    if (job->surface.facet.shear != FACET_THESIS && error == 0 && !front &&
-        api_depth_error(job, &deepest) == 0)
+    if (job->surface.facet.shear != FACET_THESIS && error == 0 &&
+        api_depth_error(job, FACET_PRECISE, &deepest) == 0)
         return true;
     for (; look.at < count; look.at += SLOTS_MAX * (size_t)CHUNK) {
         size_t chunks = (count - look.at + CHUNK - 1) / CHUNK;
@@ -201,7 +179,6 @@ bool api_survey_pairs(struct call *call, struct job *job)
         for (size_t i = 0; i < chunks; i++) {
             const struct seen *seen = &look.seen[i];
             if (seen->status) return api_problem_status(call->problem, seen->status, NULL);
-            if (front && seen->below != SIZE_MAX) return refuse_below(call, seen->below);
             job->condition = fmax(job->condition, seen->condition);
             job->depth.wo = fmax(job->depth.wo, seen->depth.wo);
             job->depth.least = fmax(job->depth.least, seen->depth.least);

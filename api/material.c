@@ -288,16 +288,11 @@ bool api_material_check(void *material, const struct place *place, struct decode
     const struct material *m = material;
     if (m->ndf == NDF_LAMBERT || m->reflectance.channels)
         return api_lambert_check(m, place, decoder);
-    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0},
-                 mean_slope = {place, "mean_slope", 0};
+    struct place slopes = {place, "slopes", 0}, shear = {place, "shear", 0};
     if (m->ndf == FACET_TABULATED && !m->slopes)
         return api_problem_at(decoder->problem, &slopes, "is required with ndf \"tabulated\"");
     if (m->ndf != FACET_TABULATED && m->slopes)
         return api_problem_at(decoder->problem, &slopes, "needs ndf \"tabulated\"");
-    if (api_material_is_turned(m) && m->mean_slope.values &&
-        (m->mean_slope.values[0] != 0 || m->mean_slope.values[1] != 0))
-        return api_problem_at(decoder->problem, &mean_slope,
-                              "must be [0,0] with slopes over the azimuth");
     if (m->shear == FACET_THESIS && m->masking != FACET_SMITH &&
         m->masking != FACET_SMITH_UNCORRELATED)
         return api_problem_at(decoder->problem, &shear, "\"thesis\" needs a smith masking");

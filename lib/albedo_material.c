@@ -102,7 +102,8 @@ double facet_albedo_evaluation_bound(const struct albedo_material *a)
         !facet_bound(a->brdf, FACET_PRECISE, FACET_D, 0, &d) ||
         !facet_bound(a->standard, FACET_PRECISE, FACET_D, 0, &p))
         return INFINITY;
-    double behind = facet_depth_error(a->brdf, FACET_FR_COS, FACET_SAMPLER_AUTO, &a->depth);
+    double behind = facet_depth_error(a->brdf, FACET_PRECISE, FACET_FR_COS, FACET_SAMPLER_AUTO,
+                                      &a->depth);
     return fr_cos * a->condition + behind + d + p + 32 * DBL_EPSILON;
 }
 

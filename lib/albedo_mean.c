@@ -346,8 +346,8 @@ static facet_status around_azimuth(void *user, const double at[POINTS], struct i
 }
 
 /*
- * The axes of a central surface are its mirrors, and the mean slope that of an isotropic one; a table over
- * the azimuth is the same on both sides.  h = z, where nothing is hidden by the horizon, is a cusp of J.
+ * The axes of a central surface are its mirrors, and the mean slope that of an isotropic one; a central table
+ * over the azimuth is the same on both sides.  h = z, where nothing is hidden by the horizon, is a cusp of J.
  */
 static size_t quarters_of(const struct albedo_material *a, double *axis)
 {
@@ -357,7 +357,7 @@ static size_t quarters_of(const struct albedo_material *a, double *axis)
     bool is_round = r->alpha_x == r->alpha_y && r->rho == 0;
     *axis = 0.5 * atan2(2 * y * k, x * x + y * y - k * k);
     if (!a->is_central) facet_albedo_pole(&a->surface, &up, axis);
-    if (a->turned) return 2;
+    if (a->turned) return a->is_central ? 2 : 4;
     return a->is_central ? 1 : is_round ? 2 : 4;
 }
 

@@ -208,44 +208,47 @@ static double arithmetic_of(facet_tier tier)
     return rounding[tier];
 }
 
+/* What of a table over the azimuth is seen from behind is in facet_depth_error. */
 static bool may_be_behind(const facet_brdf *b, facet_quantity quantity)
 {
-    return b->shape == KERNEL_SHEARED || quantity == FACET_PDF || quantity == FACET_D_VIS ||
-           quantity == FACET_SIGMA_O;
+    bool anywhere = quantity == FACET_PDF || quantity == FACET_D_VIS || quantity == FACET_SIGMA_O;
+    return (anywhere || b->shape == KERNEL_SHEARED) &&
+           !facet_slope_table_is_turned(&b->material.table->view);
 }
 
 /*
  * What rounding makes of a table's logarithms: of u, of the azimuth, and in floats of the coefficients
  * and their sums as well.
  */
-static double table_rounding(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
+static double table_rounding(const facet_brdf *b, facet_tier tier, facet_quantity quantity,
+                             bool behind)
 {
     const facet_slope_table *table = b->material.table;
     if (tier >= FACET_EXACT32) {
-        struct slope_reach psi = may_be_behind(b, quantity) ? table->far_behind : table->psi;
-        double sigma = quantity == FACET_D ? 0 : psi.gain + psi.rise;
+        struct slope_reach psi = behind ? table->far_behind : table->psi;
+        double size = facet_slope_table_is_turned(&table->view) ? psi.size : 0;
+        double sigma = quantity == FACET_D ? 0 : psi.gain + psi.rise + size;
         return 8 * arithmetic_of(tier) * (table->gain + table->q.rise + 2 * sigma);
     }
     double q = 6 * table->q.gain + 3 * table->q.size,
            psi = 6 * table->psi.gain + 3 * table->psi.size,
-           behind = 6 * table->behind.gain + 3 * table->behind.size;
+           far = 6 * table->behind.gain + 3 * table->behind.size;
     if (quantity == FACET_D) return FLOAT_ROUNDING * q;
-    if (may_be_behind(b, quantity)) psi = fmax(psi, behind);
+    if (behind) psi = fmax(psi, far);
     return FLOAT_ROUNDING * (q + 2 * psi);
 }
 
 /*
- * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest.
- * Behind the mean facet sigma is all excess, and right to psi_error; over the azimuth it is not told there,
- * and its error is measured between all of its nodes.
+ * What the table of sigma adds (slope_table.h): its error is measured where a cubic's is largest, over the
+ * azimuth between all of its nodes.  Behind the mean facet sigma is all excess, and right to psi_error.
  */
 static double table_error(const facet_brdf *b, facet_tier tier, facet_quantity quantity)
 {
     if (b->material.ndf != FACET_TABULATED) return 0;
     const facet_slope_table *table = b->material.table;
-    double rounding = table_rounding(b, tier, quantity);
+    bool behind = may_be_behind(b, quantity);
+    double rounding = table_rounding(b, tier, quantity, behind);
     if (quantity == FACET_D) return rounding;
-    bool behind = may_be_behind(b, quantity) && !facet_slope_table_is_turned(&table->view);
     return rounding + fmax(3 * table->sigma_error, behind ? 1.5 * table->psi_error : 0);
 }
 
@@ -393,10 +396,65 @@ bool facet_sample_bound(const facet_brdf *b, facet_tier tier, facet_sampler samp
                  quantile_error(&twin, method);
         return true;
     }
-    /* Its density divides by sigma as it is, not as it is tabulated. */
-    if (method == FACET_SAMPLER_TABLE && !facet_bound(b, tier, FACET_D, input_error, &pdf))
-        return false;
+    /* Of a radial table its density divides by sigma as it is, not as it is tabulated. */
+    bool exact = method == FACET_SAMPLER_TABLE &&
+                 !facet_slope_table_is_turned(&b->material.table->view);
+    if (exact && !facet_bound(b, tier, FACET_D, input_error, &pdf)) return false;
     *bound = base_sampler_bound(tier, method, false) + 8 * fmax(pdf, weight) +
              caps_stretch(b, tier) + quantile_error(b, method);
     return true;
+}
+
+/* ---- Seen from behind --------------------------------------------------------------------- */
+
+/* The depth that a quantity hangs on: that of the sigma it is divided by. */
+static double depth_that_counts(const facet_brdf *b, facet_quantity quantity, facet_sampler sampler,
+                                const facet_depth *depth)
+{
+    /* Above the horizon all that does not lean is seen from in front. */
+    bool leans = b->shape == KERNEL_SHEARED;
+    bool product = b->masking == KERNEL_UNCORRELATED || b->masking == KERNEL_UNCORRELATED_THESIS;
+    switch (quantity) {
+    case FACET_PDF:
+        return sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_TABLE ? depth->wo : 0;
+    case FACET_SIGMA_O:
+    case FACET_D_VIS: return depth->wo;
+    case FACET_FR:
+    case FACET_FR_COS:
+    case FACET_G: return !leans ? 0 : product ? depth->most : depth->least;
+    case FACET_G1_I:
+    case FACET_G1_O: return leans ? depth->most : 0;
+    default: return 0;
+    }
+}
+
+static double turned_depth_error(const facet_brdf *b, facet_tier tier, facet_quantity quantity,
+                                 double depth)
+{
+    double rounding = table_rounding(b, tier, quantity, true) -
+                      table_rounding(b, tier, quantity, false);
+    return fmax(0, rounding) + 3 * facet_slope_turned_psi_error(b->material.table, depth);
+}
+
+double facet_depth_error(const facet_brdf *b, facet_tier tier, facet_quantity quantity,
+                         facet_sampler sampler, const facet_depth *depth)
+{
+    const bool closed = b->material.ndf != FACET_TABULATED;
+    const facet_slope_table *table = facet_table_behind(b, sampler);
+    if (!table || (closed && quantity != FACET_PDF)) return 0;
+    const bool turned = facet_slope_table_is_turned(&table->view);
+    double at = depth_that_counts(b, quantity, sampler, depth);
+    if (at <= table->near || (quantity == FACET_SIGMA_O && !turned))
+        return 0; /* sigma itself is under the floor there */
+    if (at > table->reach && quantity != FACET_SIGMA_O) return INFINITY;
+    if (turned) return turned_depth_error(b, facet_served_tier(b, tier), quantity, at);
+    return 1.5 * table->far_error + (closed ? facet_table_density_error(b->material.ndf, true) : 0);
+}
+
+double facet_sample_depth_error(const facet_brdf *b, facet_tier tier, facet_sampler sampler,
+                                const facet_depth *depth)
+{
+    facet_depth drawn = {depth->wo, depth->wo, depth->wo}; /* wi is no deeper where it counts */
+    return 8 * fmax(facet_depth_error(b, tier, FACET_PDF, sampler, &drawn),
+                    facet_depth_error(b, tier, FACET_FR_COS, sampler, &drawn));
 }

@@ -51,10 +51,6 @@ static facet_status check(const facet_material *m)
         (unsigned)m->shear >= FACET_SHEAR_COUNT)
         return FACET_UNSUPPORTED;
     if (m->ndf == FACET_TABULATED && !m->table) return FACET_BAD_TABLE;
-    /* From behind its mean facet a table over the azimuth is not told (facet_table.h). */
-    bool turned = m->ndf == FACET_TABULATED && facet_slope_table_is_turned(&m->table->view);
-    if (turned && (m->roughness.slope_x != 0 || m->roughness.slope_y != 0))
-        return FACET_UNSUPPORTED;
     bool smith = m->masking == FACET_SMITH || m->masking == FACET_SMITH_UNCORRELATED;
     return m->shear == FACET_THESIS && !smith ? FACET_UNSUPPORTED : FACET_OK;
 }

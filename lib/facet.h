@@ -196,7 +196,7 @@ typedef enum facet_quantity {
 #define FACET_FLOOR 1e-30
 
 /*
- * The bound promised for one quantity of this material.  input_error: absolute
+ * The bound promised for one quantity of this material, to which facet_depth_error adds.  input_error: absolute
  * error of the direction components handed over times facet_closeness of them,
  * 0 when they are the caller's own numbers.  False where the tier promises
  * nothing.
@@ -349,8 +349,8 @@ double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in w
 
 /*
  * From how far behind the mean facets a surface is looked at, in its slopes (of alpha = 1 where it is not a
- * table): wo, and of pairs above the horizon the lesser and the greater of both; 0 in front.
- * Begin with zeros; each survey raises them.
+ * table): wo, and of pairs above the horizon the lesser and the greater of both; 0 in front, and where nothing
+ * is seen.  Begin with zeros; each survey raises them.
  */
 typedef struct facet_depth {
     double wo, least, most;
@@ -360,14 +360,15 @@ void facet_depth_survey(const facet_brdf *brdf, facet_sampler sampler, facet_vec
                         facet_vec3_in wo, size_t n, facet_depth *depth);
 
 /*
- * What the bound of a quantity grows by, relative, at such depths: from where sigma of a table is fainter
- * than FACET_FLOOR it is told less well, and where it is next to 0 not at all: INFINITY.  Of PDF with
- * sampler TABLE for GGX and Beckmann too; 0 for everything else.
+ * What the bound of a quantity grows by at such depths.  Radial tables: where sigma is fainter than
+ * FACET_FLOOR it is told less well, and where it is next to 0 not at all: INFINITY.  Over the azimuth it is told
+ * less well from all behind, and not at all where it is fainter than that.  Of PDF with sampler TABLE for GGX
+ * and Beckmann too; 0 for everything else.
  */
-double facet_depth_error(const facet_brdf *brdf, facet_quantity quantity, facet_sampler sampler,
-                         const facet_depth *depth);
+double facet_depth_error(const facet_brdf *brdf, facet_tier tier, facet_quantity quantity,
+                         facet_sampler sampler, const facet_depth *depth);
 /* The same for facet_sample_bound. */
-double facet_sample_depth_error(const facet_brdf *brdf, facet_sampler sampler,
+double facet_sample_depth_error(const facet_brdf *brdf, facet_tier tier, facet_sampler sampler,
                                 const facet_depth *depth);
 
 /* ---- Sample ------------------------------------------------------------------- */

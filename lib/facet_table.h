@@ -46,10 +46,12 @@ bool facet_slope_table_has_floats(const facet_slope_table *table);
  * radial table.  The first node is the normal, where all rows must agree.  Along the azimuth it is
  * interpolated as along u.
  *
- * A material of it has no mean slope, and sigma_o, D_vis and pdf are told for wo above the horizon:
- * from below, where only the tails are seen, facet_bound does not hold.  Samples of TABLE and NDF:
- * u1 is the azimuth, u2 the slope along it; their density is the pdf to the error of interpolated
- * CDFs, which errs by 3e-7 in those and by 1e-5 in the density of smooth tables (ellipses of axes 1 : 5).
+ * sigma is told from behind as well, to 1e-30 of what is in front: to a relative error that grows with
+ * the depth (facet_depth_error), for far out a table says little about D between its nodes.
+ *
+ * Samples of TABLE and NDF: u1 is the azimuth, u2 the slope along it; their density is the pdf to the
+ * error of interpolated CDFs, which is 6e-7 in those and 2e-6 in the density of smooth tables
+ * (ellipses of axes 1 : 5).
  */
 facet_status facet_slope_table_create_turned(double scale, const double *log_d, size_t n,
                                              size_t turns, facet_slope_table **table);

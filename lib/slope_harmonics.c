@@ -17,7 +17,7 @@ struct harmonics {
     const struct kernel_table *table;
     size_t cells, count, rows; /* count: of harmonics, from 0; rows: samples in half a turn, even */
     double shift;              /* of the samples, in rows, and of v, in cells */
-    size_t stride;             /* of the cells that v is in */
+    size_t stride, first;      /* of the cells that v is in: up to first */
     double *r;                 /* [cell][RINGS] */
     double *even, *odd; /* [cell][RINGS][count]: of P r^2 dr, by cosine and sine of 2 k azimuth */
     double *cosine, *sine; /* of 2 pi j/rows */
@@ -63,7 +63,7 @@ static void add_rings(const struct harmonics *h)
     for (size_t i = 0; i < h->cells; i++) {
         for (size_t k = 0; k < PLAIN; k++)
             add_ring(h, i * RINGS + k, ((double)i + node[k]) * step, weight[k] * step);
-        for (size_t k = 0; k < NEAR && i % h->stride == 0; k++)
+        for (size_t k = 0; k < NEAR && i % h->stride == 0 && i < h->first; k++)
             add_ring(h, i * RINGS + PLAIN + k,
                      ((double)i + h->shift + (1 - h->shift) * root[k] * root[k]) * step,
                      near[k] * 2 * root[k] * (1 - h->shift) * step);
@@ -110,10 +110,9 @@ static void fill(const struct harmonics *h, double *even, double *odd, double *p
     for (size_t j = 0; j < h->rows; j++) {
         h->cosine[j] = cos(2 * FACET_PI * (double)j / (double)h->rows);
         h->sine[j] = sin(2 * FACET_PI * (double)j / (double)h->rows);
-        psi[j * (h->cells + 1) + h->cells] = 0;
     }
     add_rings(h);
-    for (size_t i = 0; i < h->cells; i += h->stride) {
+    for (size_t i = 0; i < h->first; i += h->stride) {
         double u = ((double)i + h->shift) / (double)h->cells,
                v = h->table->slope_scale * u / (1 - u);
         for (size_t k = 0; k < h->count; k++) even[k] = odd[k] = 0;
@@ -125,9 +124,9 @@ static void fill(const struct harmonics *h, double *even, double *odd, double *p
 }
 
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, double *psi)
+                                  bool is_check, size_t first, double *psi)
 {
-    struct harmonics h = {.table = table, .cells = cells, .rows = rows};
+    struct harmonics h = {.table = table, .cells = cells, .rows = rows, .first = first};
     h.shift = is_check ? 0.5 : 0;
     h.stride = is_check ? SLOPE_CHECK_STRIDE : 1;
     /* Half of what samples tell, the others being their aliases'; a check takes all. */

@@ -34,35 +34,76 @@ static struct ray_sums integrate(const struct kernel_table *table, double azimut
     return (struct ray_sums){h * b * b * sums.mass, h * b * b * b * sums.moment};
 }
 
+/* The rule integrates exp to 1e-9 where the logarithm varies by no more; to so many parts. */
+#define VARIATION 1.0
+enum { PARTS_MAX = 64 };
+
+static int parts_of(const struct kernel_table *table, double azimuth, double u0, double u1)
+{
+    double least = INFINITY, most = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        double y = slope_sheet_at(table->turned_q, u0 + (u1 - u0) * k / 2, azimuth);
+        least = fmin(least, y), most = fmax(most, y);
+    }
+    return (int)fmin(PARTS_MAX, fmax(1, ceil((most - least) / VARIATION)));
+}
+
+struct slope_tail facet_slope_tail_add(const struct kernel_table *table, double azimuth, double u0,
+                                       double u1, struct slope_tail tail)
+{
+    int parts = parts_of(table, azimuth, u0, u1);
+    double h = (u1 - u0) / parts;
+    for (int part = parts; part-- > 0;) {
+        tail.g += h * tail.n;
+        for (int k = 0; k < POINTS; k++) {
+            double along = h * node[k], u = u0 + h * part + along,
+                   q = h * gauss[k] * u * exp(slope_sheet_at(table->turned_q, u, azimuth));
+            tail.n += q;
+            tail.g += along * q;
+        }
+    }
+    return tail;
+}
+
+static void fill_row(struct slope_rays *rays, const struct kernel_table *table, size_t j)
+{
+    size_t cells = rays->cells, first = j * (cells + 1);
+    double *mass = rays->mass + first, *moment = rays->moment + first,
+           azimuth = (double)j / (double)rays->rows, n = (double)cells;
+    struct slope_tail *tail = rays->tail + first;
+    mass[0] = moment[0] = 0;
+    for (size_t i = 0; i < cells; i++) {
+        struct ray_sums sums = integrate(table, azimuth, (double)i / n, ((double)i + 1) / n);
+        mass[i + 1] = mass[i] + sums.mass;
+        moment[i + 1] = moment[i] + sums.moment;
+    }
+    tail[cells] = (struct slope_tail){0, 0};
+    for (size_t i = cells; i-- > 0;)
+        tail[i] = facet_slope_tail_add(table, azimuth, (double)i / n, ((double)i + 1) / n,
+                                       tail[i + 1]);
+}
+
 struct slope_rays *facet_slope_rays_create(const struct kernel_table *table, size_t rows)
 {
-    size_t cells = table->turned_q.cells, knots = cells + 1;
-    struct slope_rays *rays = malloc(sizeof *rays + 2 * rows * knots * sizeof *rays->numbers);
+    size_t cells = table->turned_q.cells, knots = rows * (cells + 1);
+    struct slope_rays *rays = malloc(sizeof *rays + 4 * knots * sizeof *rays->numbers);
     if (!rays) return NULL;
     rays->rows = rows;
     rays->cells = cells;
     rays->mass = rays->numbers;
-    rays->moment = rays->numbers + rows * knots;
-    for (size_t j = 0; j < rows; j++) {
-        double *mass = rays->mass + j * knots, *moment = rays->moment + j * knots;
-        mass[0] = moment[0] = 0;
-        for (size_t i = 0; i < cells; i++) {
-            struct ray_sums sums = integrate(table, (double)j / (double)rows,
-                                             (double)i / (double)cells,
-                                             ((double)i + 1) / (double)cells);
-            mass[i + 1] = mass[i] + sums.mass;
-            moment[i + 1] = moment[i] + sums.moment;
-        }
-    }
+    rays->moment = rays->numbers + knots;
+    rays->tail = (struct slope_tail *)(rays->numbers + 2 * knots);
+    for (size_t j = 0; j < rows; j++) fill_row(rays, table, j);
     return rays;
 }
 
 /* ---- One view ------------------------------------------------------------------------------- */
 
-/* Where along a ray the normals turn away: c + g r = 0. */
+/* Where along a ray the normals turn away, or, from behind, begin to be seen: c + g r = 0. */
 static double end_of(const struct kernel_table *table, double c, double g)
 {
     double b = table->slope_scale;
+    if (c <= 0) return g > 0 ? c / (c - b * g) : 1;
     return g < 0 ? c / (c - b * g) : 1; /* r = -c/g */
 }
 
@@ -77,6 +118,18 @@ static double azimuth_of(double turn)
     return turn - floor(turn); /* P(-x) = P(x) */
 }
 
+/* The integral from u on along a row that is seen from behind. */
+static double beyond(const struct slope_ray_view *v, size_t row, double g, double u)
+{
+    double b = v->table->slope_scale, cells = (double)v->rays->cells;
+    size_t i = cell_of(v->rays, u);
+    if (u >= 1) return 0;
+    struct slope_tail tail = facet_slope_tail_add(
+        v->table, (double)row / (double)v->rays->rows, u, ((double)i + 1) / cells,
+        v->rays->tail[row * (v->rays->cells + 1) + i + 1]);
+    return g * b * b * b * tail.g / (1 - u);
+}
+
 /* The integral along a ray that is a row. */
 static double along_row(const struct slope_ray_view *v, size_t k)
 {
@@ -85,6 +138,7 @@ static double along_row(const struct slope_ray_view *v, size_t k)
     double turn = (double)k / (double)rays->rows, g = v->s * cos(FACET_PI * (turn - v->psi)),
            end = end_of(v->table, v->c, g);
     const double *mass = rays->mass + row * knots, *moment = rays->moment + row * knots;
+    if (v->c <= 0) return beyond(v, row, g, end);
     if (end >= 1) return v->c * mass[rays->cells] + g * moment[rays->cells];
     size_t i = cell_of(rays, end);
     struct ray_sums last = integrate(v->table, azimuth_of(turn), (double)i / (double)rays->cells,
@@ -96,30 +150,52 @@ void facet_slope_ray_view(const struct kernel_table *table, const struct slope_r
                           double s, double psi, struct slope_ray_view *v)
 {
     size_t n = 2 * rays->rows;
+    const double *d = v->density;
     v->table = table;
     v->rays = rays;
     v->c = c, v->s = s, v->psi = psi;
     for (size_t k = 0; k < n; k++) v->density[k] = fmax(along_row(v, k), 0);
     v->below[0] = 0;
-    for (size_t k = 0; k < n; k++) { /* the integral of the cubic through four of them */
-        double inner = v->density[k] + v->density[(k + 1) % n],
-               outer = v->density[(k + n - 1) % n] + v->density[(k + 2) % n];
-        v->below[k + 1] = v->below[k] + fmax(13 * inner - outer, 0) / 24;
+    for (size_t k = 0; k < n; k++) { /* the integral of the polynomial through six of them */
+        double inner = d[k] + d[(k + 1) % n], middle = d[(k + n - 1) % n] + d[(k + 2) % n],
+               outer = d[(k + n - 2) % n] + d[(k + 3) % n];
+        v->below[k + 1] = v->below[k] + fmax(802 * inner - 93 * middle + 11 * outer, 0) / 1440;
     }
 }
 
 /* ---- One draw ------------------------------------------------------------------------------- */
 
-/* t in [0, 1] where the cubic with these ends and slopes, made monotone, is `target`. */
-static double invert_cubic(double y0, double y1, double m0, double m1, double target)
+/* Of the CDF between two rows, over its rise: its derivatives at both ends. */
+struct rise {
+    double m0, m1, a0, a1;
+};
+
+/* Where those of the second order are not small they are the cubic's, made monotone. */
+static struct rise rise_of(const struct slope_ray_view *v, size_t k)
 {
-    double c[4], low = 0, high = 1, rise = y1 - y0;
-    if (!(rise > 0)) return 0.5;
-    slope_hermite(0, 1, fmin(m0 / rise, 3), fmin(m1 / rise, 3), c);
-    double f = (target - y0) / rise, t = f;
+    size_t n = 2 * v->rays->rows;
+    const double *d = v->density;
+    double rise = v->below[k + 1] - v->below[k], before = d[(k + n - 1) % n], d0 = d[k],
+           d1 = d[(k + 1) % n], after = d[(k + 2) % n];
+    struct rise r = {fmin(d0 / rise, 3), fmin(d1 / rise, 3),
+                     (8 * (d1 - before) - (after - d[(k + n - 2) % n])) / (12 * rise),
+                     (8 * (after - d0) - (d[(k + 3) % n] - before)) / (12 * rise)};
+    if (fabs(r.a0) <= 1 && fabs(r.a1) <= 1) return r;
+    r.a0 = 6 - 4 * r.m0 - 2 * r.m1;
+    r.a1 = -6 + 2 * r.m0 + 4 * r.m1;
+    return r;
+}
+
+/* t in [0, 1] where the polynomial of degree 5 that has these is `target`. */
+static double invert_rise(struct rise r, double target)
+{
+    double low = 0, high = 1, t = target;
+    double c2 = r.a0 / 2, c3 = 10 - 6 * r.m0 - 4 * r.m1 - 1.5 * r.a0 + r.a1 / 2,
+           c4 = -15 + 8 * r.m0 + 7 * r.m1 + 1.5 * r.a0 - r.a1,
+           c5 = 6 - 3 * r.m0 - 3 * r.m1 - (r.a0 - r.a1) / 2;
     for (int step = 0; step < 60; step++) {
-        double y = c[0] + t * (c[1] + t * (c[2] + t * c[3])) - f,
-               slope = c[1] + t * (2 * c[2] + t * 3 * c[3]);
+        double y = t * (r.m0 + t * (c2 + t * (c3 + t * (c4 + t * c5)))) - target,
+               slope = r.m0 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5)));
         *(y > 0 ? &high : &low) = t;
         double next = t - y / slope;
         if (!(next > low && next < high)) next = (low + high) / 2;
@@ -137,8 +213,8 @@ static double draw_turn(const struct slope_ray_view *v, double u1)
         size_t middle = (low + high) / 2;
         *(v->below[middle] <= target ? &low : &high) = middle;
     }
-    double t = invert_cubic(v->below[low], v->below[low + 1], v->density[low],
-                            v->density[(low + 1) % (2 * v->rays->rows)], target);
+    double rise = v->below[low + 1] - v->below[low],
+           t = rise > 0 ? invert_rise(rise_of(v, low), (target - v->below[low]) / rise) : 0.5;
     return ((double)low + t) / (double)v->rays->rows;
 }
 
@@ -201,21 +277,46 @@ static double invert_within(const struct ray *ray, double u0, double u1, double 
     return u;
 }
 
-struct slope_ray_place facet_slope_ray_draw(const struct slope_ray_view *v, double u1, double u2)
+/* From behind: cell by cell, twice, for they need not fall. */
+static double draw_beyond(const struct ray *ray, double u2)
 {
-    double turn = draw_turn(v, u1), cells = (double)v->rays->cells;
-    struct ray ray = ray_at(v, turn);
-    double end = end_of(v->table, v->c, ray.g);
+    const struct slope_rays *rays = ray->view->rays;
+    double cells = (double)rays->cells, start = end_of(ray->view->table, ray->view->c, ray->g),
+           sum = 0;
+    size_t first = cell_of(rays, start), i = first;
+    for (; i < rays->cells; i++)
+        sum += fmax(within(ray, fmax(start, (double)i / cells), ((double)i + 1) / cells), 0);
+    double target = u2 * sum, from = start, mass = 0;
+    for (i = first; i < rays->cells; i++, target -= mass) {
+        from = fmax(start, (double)i / cells);
+        mass = fmax(within(ray, from, ((double)i + 1) / cells), 0);
+        if (mass > target || i + 1 == rays->cells) break;
+    }
+    double share = mass > 0 ? fmax(0, fmin(1, target / mass)) : 0;
+    return invert_within(ray, from, ((double)i + 1) / cells, share);
+}
+
+static double draw_along(const struct ray *ray, double u2)
+{
+    const struct slope_ray_view *v = ray->view;
+    double cells = (double)v->rays->cells, end = end_of(v->table, v->c, ray->g);
     size_t last = cell_of(v->rays, end), low = 0, high = last + 1;
-    double tail = within(&ray, (double)last / cells, end), target = u2 * (up_to(&ray, last) + tail);
+    double tail = within(ray, (double)last / cells, end), target = u2 * (up_to(ray, last) + tail);
     while (high - low > 1) {
         size_t middle = (low + high) / 2;
-        *(up_to(&ray, middle) <= target ? &low : &high) = middle;
+        *(up_to(ray, middle) <= target ? &low : &high) = middle;
     }
-    double start = up_to(&ray, low), mass = low == last ? tail : up_to(&ray, low + 1) - start;
+    double start = up_to(ray, low), mass = low == last ? tail : up_to(ray, low + 1) - start;
     double share = mass > 0 ? fmax(0, fmin(1, (target - start) / mass)) : 0;
-    double u = invert_within(&ray, (double)low / cells,
-                             low == last ? end : ((double)low + 1) / cells, share);
+    return invert_within(ray, (double)low / cells, low == last ? end : ((double)low + 1) / cells,
+                         share);
+}
+
+struct slope_ray_place facet_slope_ray_draw(const struct slope_ray_view *v, double u1, double u2)
+{
+    double turn = draw_turn(v, u1);
+    struct ray ray = ray_at(v, turn);
+    double u = v->c > 0 ? draw_along(&ray, u2) : draw_beyond(&ray, u2);
     return (struct slope_ray_place){FACET_PI * turn, u,
                                     exp(slope_sheet_at(v->table->turned_q, u, ray.azimuth))};
 }

@@ -39,4 +39,11 @@ static inline double slope_sheet_at(struct kernel_sheet f, double u, double azim
     return slope_patch_at(f.c + 16 * (f.cells * j + i), x - (double)i, y - (double)j);
 }
 
+/* log_psi, as the kernels evaluate it. */
+static inline double slope_log_psi_at(const struct kernel_table *table, double u, double azimuth)
+{
+    double f = slope_sheet_at(table->turned_psi, u, azimuth);
+    return table->psi_top - KERNEL_PSI_UNIT / (f > KERNEL_PSI_LEAST ? f : KERNEL_PSI_LEAST);
+}
+
 #endif

@@ -21,6 +21,7 @@ struct slope_reach {
 
 /* Far enough above what doubles hold that D is told wherever a density beside it passes FACET_FLOOR. */
 #define SLOPE_FAINT 1e-250
+enum { SLOPE_DEPTHS = 64 };
 
 /*
  * The model is D as view.log_q tabulates it: exact up to rounding.  sigma is
@@ -35,6 +36,11 @@ struct facet_slope_table {
     double far_error;           /* the same, |c|/s <= reach */
     double near, reach;         /* as far as sigma >= FACET_FLOOR and SLOPE_FAINT of scale s */
     double end;                 /* from |c|/s >= end nothing is seen */
+    /*
+     * Over the azimuth, where near is 0 and reach as far as FACET_FLOOR: of |c|/s up to
+     * v = scale u/(1 - u), u = (k + 1)/SLOPE_DEPTHS, and sigma >= FACET_FLOOR of scale s.
+     */
+    double psi_error_to[SLOPE_DEPTHS];
     double gain; /* largest derivative of log D by log tan theta or the azimuth, where D counts */
     struct slope_reach q, psi; /* psi beside c > 0 */
     struct slope_reach behind,
@@ -49,6 +55,9 @@ static inline bool facet_slope_table_is_turned(const struct kernel_table *view)
 {
     return view->turned_q.turns > 0;
 }
+
+/* Of one over the azimuth: what of psi_error_to holds as far as this. */
+double facet_slope_turned_psi_error(const facet_slope_table *table, double depth);
 
 /* What sampling needs of a table that is not radial; NULL: out of memory. */
 const struct slope_rays *facet_slope_table_rays(const facet_slope_table *table);

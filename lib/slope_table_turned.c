@@ -20,9 +20,8 @@
 /* Twice as many, where its error is larger. */
 #define SIGMA_ERROR 2e-7
 #define PSI_FINER 2
-/* Below this share of the scale it counts as 0: it is in front of the surface alone that it is
- * told. */
-#define PSI_LEAST 1e-13
+/* So far above the largest of log_psi is what its sheet counts from. */
+#define PSI_BELOW_TOP 2.0
 
 /* Sums over the azimuth are right to rounding of the whole: a part of it of this share moves by
  * that much more. */
@@ -67,48 +66,98 @@ static facet_status tabulate_q(const double *y, const struct sizes *s, double *c
     return status;
 }
 
-/* log_psi from psi at u = i/cells along one azimuth; first: its derivative at v = 0, where that of
- * psi is -1/2, per cell. */
+static facet_status find_psi(const struct kernel_table *view, size_t cells, size_t rows,
+                             bool is_check, double *psi)
+{
+    size_t first;
+    facet_status status = facet_slope_psi_tails(view, cells, rows, is_check, &first, psi);
+    return status ? status : facet_slope_psi_rows(view, cells, rows, is_check, first, psi);
+}
+
+/* log_psi from psi at u = i/cells along one azimuth. */
 static void take_logarithms(const struct kernel_table *view, double azimuth, size_t cells,
-                            double *y, double *first)
+                            double *y)
 {
     double b = view->slope_scale;
     for (size_t i = 0; i < cells; i++) y[i] = y[i] / (b * (1 - (double)i / (double)cells));
     y[cells] = facet_slope_psi_limit(view, azimuth) / (b * b);
-    for (size_t i = 0; i <= cells; i++) y[i] = log(fmax(y[i], PSI_LEAST));
+    for (size_t i = 0; i <= cells; i++) y[i] = fmax(log(y[i]), KERNEL_LOG_ZERO);
+}
+
+/* What the sheet holds (kernels.h).  first: its derivative per cell at v = 0, where that of psi is
+ * -1/2. */
+static void take_reciprocals(double top, size_t cells, double *y, double *first)
+{
     *first = (1 - exp(-y[0]) / 2) / (double)cells;
+    for (size_t i = 0; i <= cells; i++) y[i] = KERNEL_PSI_UNIT / (top - y[i]);
+    *first *= y[0] * y[0] / KERNEL_PSI_UNIT;
+}
+
+/* At u = w, S = 1, |c| = u/w; x: what should be there. */
+static void measure_at(facet_slope_table *table, double u, double azimuth, double x)
+{
+    double w = 1 - u, error = fabs(w * exp(slope_log_psi_at(&table->view, u, azimuth)) - x),
+           *psi_error = &table->psi_error_to[(size_t)(u * SLOPE_DEPTHS)];
+    table->sigma_error = fmax(table->sigma_error, error / (u / w + x));
+    *psi_error = fmax(*psi_error, error / fmax(x, FACET_FLOOR));
+}
+
+/* |c|/s at u, INFINITY from 1 on. */
+static double depth_at(const facet_slope_table *table, double u)
+{
+    return u < 1 ? table->view.slope_scale * fmax(u, 0) / (1 - u) : INFINITY;
 }
 
 /* Between the rows and the nodes, where it is interpolated.  y: room for the rows. */
 static facet_status measure_psi(facet_slope_table *table, double *y)
 {
     struct kernel_sheet sheet = table->view.turned_psi;
-    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, y);
+    facet_status status = find_psi(&table->view, sheet.cells, sheet.turns, true, y);
+    double cells = (double)sheet.cells, faint = 1, seen = 0;
     table->sigma_error = 0;
+    for (size_t k = 0; k < SLOPE_DEPTHS; k++) table->psi_error_to[k] = 0;
     for (size_t j = 0; j < sheet.turns && !status; j++) {
         double azimuth = ((double)j + 0.5) / (double)sheet.turns;
         for (size_t i = 0; i < sheet.cells; i += SLOPE_CHECK_STRIDE) {
-            double u = ((double)i + 0.5) / (double)sheet.cells, w = 1 - u;
-            double x = y[j * (sheet.cells + 1) + i] /
-                       table->view.slope_scale; /* S = 1, |c| = u/w */
-            double error = fabs(w * exp(slope_sheet_at(sheet, u, azimuth)) - x);
-            table->sigma_error = fmax(table->sigma_error, error / (u / w + x));
+            double u = ((double)i + 0.5) / cells,
+                   x = y[j * (sheet.cells + 1) + i] / table->view.slope_scale;
+            measure_at(table, u, azimuth, x);
+            if (x < FACET_FLOOR) faint = fmin(faint, u - SLOPE_CHECK_STRIDE / cells);
+            if (x > 0) seen = fmax(seen, u + SLOPE_CHECK_STRIDE / cells);
         }
     }
+    for (size_t k = 1; k < SLOPE_DEPTHS; k++)
+        table->psi_error_to[k] = fmax(table->psi_error_to[k], table->psi_error_to[k - 1]);
+    table->near = 0;
+    table->reach = depth_at(table, faint);
+    table->end = depth_at(table, seen);
     return status;
+}
+
+double facet_slope_turned_psi_error(const facet_slope_table *table, double depth)
+{
+    /* Two more: what is measured lies up to a stride before the end of an interval. */
+    double u = depth < INFINITY ? depth / (table->view.slope_scale + depth) : 1,
+           at = fmin(floor(u * SLOPE_DEPTHS) + 2, SLOPE_DEPTHS - 1);
+    return table->psi_error_to[(size_t)at];
 }
 
 static facet_status fill_psi(facet_slope_table *table, size_t cells, double *c)
 {
-    size_t rows = PSI_FINER * table->view.turned_q.turns;
-    double *y = malloc((cells + 2) * rows * sizeof *y), *first = y + (cells + 1) * rows;
+    struct kernel_table *view = &table->view;
+    size_t rows = PSI_FINER * view->turned_q.turns, knots = cells + 1;
+    double *y = malloc((knots + 1) * rows * sizeof *y), *first = y + knots * rows;
     if (!y) return FACET_NO_MEMORY;
-    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, false, y);
+    facet_status status = find_psi(view, cells, rows, false, y);
     for (size_t j = 0; j < rows && !status; j++)
-        take_logarithms(&table->view, (double)j / (double)rows, cells, y + j * (cells + 1),
-                        &first[j]);
-    if (!status) status = facet_slope_sheet(y, cells + 1, rows, 1, first, c);
-    table->view.turned_psi = (struct kernel_sheet){c, cells, rows};
+        take_logarithms(view, (double)j / (double)rows, cells, y + j * knots);
+    view->psi_top = -INFINITY;
+    for (size_t k = 0; k < rows * knots && !status; k++)
+        view->psi_top = fmax(view->psi_top, y[k] + PSI_BELOW_TOP);
+    for (size_t j = 0; j < rows && !status; j++)
+        take_reciprocals(view->psi_top, cells, y + j * knots, &first[j]);
+    if (!status) status = facet_slope_sheet(y, knots, rows, 1, first, c);
+    view->turned_psi = (struct kernel_sheet){c, cells, rows};
     if (!status) status = measure_psi(table, y);
     free(y);
     return status;
@@ -135,7 +184,6 @@ static facet_status fill(facet_slope_table *table, const struct sizes *s, double
     if (status) return status;
     table->gain = sums.gain;
     table->quantile_gain = RAY_GAIN;
-    table->near = table->reach = table->end = INFINITY; /* it is not seen from behind */
     double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
     status = fill_psi(table, s->psi_cells, c);
     bool again = table->sigma_error > SIGMA_ERROR && s->psi_cells_most > s->psi_cells;

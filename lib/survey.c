@@ -59,12 +59,6 @@ double facet_closeness(const facet_brdf *brdf, facet_vec3_in wi, facet_vec3_in w
 
 /* ---- Far behind ------------------------------------------------------------------------- */
 
-static const facet_slope_table *table_behind(const facet_brdf *b, facet_sampler sampler)
-{
-    if (b->material.ndf == FACET_TABULATED) return b->material.table;
-    return sampler == FACET_SAMPLER_TABLE ? facet_table_of(b->material.ndf) : NULL;
-}
-
 /* |c|/s of a direction from behind; 0 in front, and from `end` on, where nothing is seen and nothing wrong. */
 static double depth_of(const struct kernel_surface *s, double end, double x, double y, double z)
 {
@@ -78,7 +72,7 @@ void facet_depth_survey(const facet_brdf *brdf, facet_sampler sampler, facet_vec
                         facet_vec3_in wo, size_t n, facet_depth *depth)
 {
     const struct kernel_surface *s = &brdf->surface;
-    const facet_slope_table *table = table_behind(brdf, sampler);
+    const facet_slope_table *table = facet_table_behind(brdf, sampler);
     if (!table) return;
     /* GGX and Beckmann are seen from everywhere: their tables end too early. */
     double end = brdf->material.ndf == FACET_TABULATED ? table->end : INFINITY;
@@ -90,45 +84,4 @@ void facet_depth_survey(const facet_brdf *brdf, facet_sampler sampler, facet_vec
         depth->least = fmax(depth->least, fmin(i, o));
         depth->most = fmax(depth->most, fmax(i, o));
     }
-}
-
-/* The depth that a quantity hangs on: that of the sigma it is divided by. */
-static double depth_that_counts(const facet_brdf *b, facet_quantity quantity, facet_sampler sampler,
-                                const facet_depth *depth)
-{
-    /* Above the horizon all that does not lean is seen from in front. */
-    bool leans = b->shape == KERNEL_SHEARED;
-    bool product = b->masking == KERNEL_UNCORRELATED || b->masking == KERNEL_UNCORRELATED_THESIS;
-    switch (quantity) {
-    case FACET_PDF:
-        return sampler == FACET_SAMPLER_AUTO || sampler == FACET_SAMPLER_TABLE ? depth->wo : 0;
-    case FACET_D_VIS: return depth->wo;
-    case FACET_FR:
-    case FACET_FR_COS:
-    case FACET_G: return !leans ? 0 : product ? depth->most : depth->least;
-    case FACET_G1_I:
-    case FACET_G1_O: return leans ? depth->most : 0;
-    default: return 0; /* sigma itself is faint there, and F and D have none */
-    }
-}
-
-double facet_depth_error(const facet_brdf *brdf, facet_quantity quantity, facet_sampler sampler,
-                         const facet_depth *depth)
-{
-    const bool closed = brdf->material.ndf != FACET_TABULATED;
-    const facet_slope_table *table = table_behind(brdf, sampler);
-    if (!table || (closed && quantity != FACET_PDF)) return 0;
-    double at = depth_that_counts(brdf, quantity, sampler, depth);
-    if (at <= table->near) return 0;
-    if (at > table->reach) return INFINITY;
-    return 1.5 * table->far_error +
-           (closed ? facet_table_density_error(brdf->material.ndf, true) : 0);
-}
-
-double facet_sample_depth_error(const facet_brdf *brdf, facet_sampler sampler,
-                                const facet_depth *depth)
-{
-    facet_depth drawn = {depth->wo, depth->wo, depth->wo}; /* wi is no deeper where it counts */
-    return 8 * fmax(facet_depth_error(brdf, FACET_PDF, sampler, &drawn),
-                    facet_depth_error(brdf, FACET_FR_COS, sampler, &drawn));
 }

@@ -42,6 +42,12 @@ double facet_table_density_error(facet_ndf ndf, bool far)
     return ndf == FACET_GGX ? 0 : far ? 1e-7 : 1e-8; /* GGX's is rounding */
 }
 
+const facet_slope_table *facet_table_behind(const facet_brdf *b, facet_sampler sampler)
+{
+    if (b->material.ndf == FACET_TABULATED) return b->material.table;
+    return sampler == FACET_SAMPLER_TABLE ? facet_table_of(b->material.ndf) : NULL;
+}
+
 facet_status facet_sampler_prepare(facet_sampler sampler, facet_ndf ndf)
 {
     bool closed = (unsigned)ndf < FACET_TABULATED;

@@ -14,6 +14,9 @@ double facet_table_density_error(facet_ndf ndf, bool far);
 /* The table at alpha = 1, built when first asked for and kept; NULL: no memory. */
 const facet_slope_table *facet_table_of(facet_ndf ndf);
 
+/* The table that sigma is looked up in, if it is: the material's, or with sampler TABLE its own. */
+const facet_slope_table *facet_table_behind(const facet_brdf *brdf, facet_sampler sampler);
+
 /* The same surface with that table for its distribution; false: no memory. */
 bool facet_table_twin(const facet_brdf *brdf, facet_brdf *twin);
 

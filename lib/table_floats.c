@@ -19,16 +19,17 @@
 
 /* ---- What floats lose ----------------------------------------------------------------------- */
 
-/* A logarithm at u of a table of that scale, and its derivatives by u and by the azimuth. */
+/* A logarithm at u of a table of that scale, its derivatives by u and by the azimuth, and the size of
+ * what is rounded for it. */
 struct look {
-    double scale, u, y, per_u, per_turn;
+    double scale, u, y, per_u, per_turn, size;
 };
 
 /* share: what part of the result it is of. */
 static void reach_to(struct slope_reach *reach, struct look l, double share)
 {
     double u = l.u, rest = 1 - u;
-    reach->size = fmax(reach->size, share * fabs(l.y));
+    reach->size = fmax(reach->size, share * l.size);
     reach->gain = fmax(reach->gain, share * (fabs(l.per_u) * fmin(u, rest) + fabs(l.per_turn)));
     reach->rise = fmax(reach->rise, share * (fabs(l.per_u) * u + fabs(l.per_turn)));
     reach->most = fmax(reach->most, l.y);
@@ -62,9 +63,10 @@ static int walk_steps(const struct walk *w, size_t i, int steps)
     int above = 0;
     for (int k = 0; k <= steps; k++) {
         double t = (double)k / steps;
+        double y = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
         struct look l = {w->scale, ((double)i + t) / cells,
-                         c[0] + t * (c[1] + t * (c[2] + t * c[3])),
-                         (c[1] + t * (2 * c[2] + t * 3 * c[3])) * cells, 0};
+                         y,        (c[1] + t * (2 * c[2] + t * 3 * c[3])) * cells,
+                         0,        fabs(y)};
         if (l.y < w->least) continue;
         reach_to(w->reach, l, w->is_shared ? excess_share(l.u, l.y) : 1);
         above++;
@@ -103,32 +105,64 @@ static void measure_radial(facet_slope_table *table)
     table->view.behind_most = w > 0 ? fmin(b * (1 - w) / w, BEHIND_ALL) : BEHIND_ALL;
 }
 
-/* At the corner of every patch: its sheets are smooth. */
-static void measure_sheet(const struct kernel_sheet *f, double scale, double least, bool is_psi,
-                          struct slope_reach *reach)
+/* At the corner of a patch: sheets are smooth. */
+static struct look look_at_patch(const struct kernel_sheet *f, size_t k, double scale)
 {
-    for (size_t k = 0; k < f->cells * f->turns; k++) {
-        const double *c = f->c + 16 * k, u = (double)(k % f->cells) / (double)f->cells;
-        struct look l = {scale, u, c[0], c[1] * (double)f->cells, c[4] * (double)f->turns};
-        if (l.y >= least) reach_to(reach, l, is_psi ? excess_share(1 - u, l.y) : 1);
+    const double *c = f->c + 16 * k;
+    return (struct look){scale,
+                         (double)(k % f->cells) / (double)f->cells,
+                         c[0],
+                         c[1] * (double)f->cells,
+                         c[4] * (double)f->turns,
+                         fabs(c[0])};
+}
+
+/* The same of log_psi (kernels.h). */
+static struct look look_at_psi(const struct kernel_table *view, size_t k)
+{
+    struct look l = look_at_patch(&view->turned_psi, k, view->slope_scale);
+    double f = fmax(l.y, KERNEL_PSI_LEAST), below = KERNEL_PSI_UNIT / f;
+    l.y = view->psi_top - below;
+    l.per_u *= below / f;
+    l.per_turn *= below / f;
+    l.size = below;
+    return l;
+}
+
+static void measure_turned(facet_slope_table *table)
+{
+    struct kernel_table *view = &table->view;
+    const struct kernel_sheet *q = &view->turned_q, *psi = &view->turned_psi;
+    size_t lost = psi->cells; /* the first of cells that floats lose somewhere */
+    for (size_t k = 0; k < q->cells * q->turns; k++) {
+        struct look l = look_at_patch(q, k, view->slope_scale);
+        if (l.y >= LOG_Q_FAINT) reach_to(&table->q, l, 1);
     }
+    for (size_t k = 0; k < psi->cells * psi->turns; k++) {
+        struct look l = look_at_psi(view, k);
+        if (l.y >= KERNEL_LOG_ZERO) reach_to(&table->psi, l, excess_share(1 - l.u, l.y));
+        if (l.y >= log(FACET_FLOOR)) reach_to(&table->far_behind, l, 1);
+        if (l.y >= LOG_PSI_BEHIND)
+            reach_to(&table->behind, l, 1);
+        else if (k % psi->cells < lost)
+            lost = k % psi->cells;
+    }
+    double u = lost > 0 ? (double)(lost - 1) / (double)psi->cells : 0;
+    view->behind_most = fmin(view->slope_scale * u / (1 - u), BEHIND_ALL);
 }
 
 void facet_slope_table_measure(facet_slope_table *table)
 {
-    if (!facet_slope_table_is_turned(&table->view)) {
+    if (facet_slope_table_is_turned(&table->view))
+        measure_turned(table);
+    else
         measure_radial(table);
-        return;
-    }
-    measure_sheet(&table->view.turned_q, table->view.slope_scale, LOG_Q_FAINT, false, &table->q);
-    measure_sheet(&table->view.turned_psi, table->view.slope_scale, KERNEL_LOG_ZERO, true,
-                  &table->psi);
 }
 
 /* ---- In floats ------------------------------------------------------------------------------ */
 
-/* Cubics in t to base 2, those from the other end in 1 - t. */
-static void put_cubics(const double *c, size_t count, bool back, float *to)
+/* Cubics in t times a unit, those from the other end in 1 - t. */
+static void put_cubics(const double *c, size_t count, double unit, bool back, float *to)
 {
     for (size_t i = 0; i < 4 * count; i += 4) {
         double d[4] = {c[i], c[i + 1], c[i + 2], c[i + 3]};
@@ -138,12 +172,12 @@ static void put_cubics(const double *c, size_t count, bool back, float *to)
             d[2] = c[i + 2] + 3 * c[i + 3];
             d[3] = -c[i + 3];
         }
-        for (int j = 0; j < 4; j++) to[i + (size_t)j] = (float)(LOG2_E * d[j]);
+        for (int j = 0; j < 4; j++) to[i + (size_t)j] = (float)(unit * d[j]);
     }
 }
 
 /* rows of cells of `count` cubics each; turned_over: over 1 - u. */
-static void put_halves(const double *c, size_t count, bool turned_over, float *to,
+static void put_halves(const double *c, size_t count, double unit, bool turned_over, float *to,
                        struct kernel_halves *halves)
 {
     size_t rows = halves->turns ? halves->turns : 1;
@@ -152,7 +186,7 @@ static void put_halves(const double *c, size_t count, bool turned_over, float *t
             for (size_t i = 0; i < halves->half; i++) {
                 bool back = (side == 1) != turned_over;
                 size_t cell = back ? halves->cells - 1 - i : i;
-                put_cubics(c + 4 * count * (halves->cells * j + cell), count, back,
+                put_cubics(c + 4 * count * (halves->cells * j + cell), count, unit, back,
                            to + 4 * count * ((rows * side + j) * halves->half + i));
             }
     halves->c = to;
@@ -178,9 +212,11 @@ static struct kernel_floats *make_floats(const struct kernel_table *view)
                                           (numbers_of(&q) + numbers_of(&psi)) * sizeof(float));
     if (!floats) return NULL;
     bool turned = q.turns > 0;
-    put_halves(turned ? view->turned_q.c : view->log_q.c, turned ? 4 : 1, false, floats->c, &q);
-    put_halves(turned ? view->turned_psi.c : view->log_psi.c, turned ? 4 : 1, turned,
-               floats->c + numbers_of(&q), &psi);
+    put_halves(turned ? view->turned_q.c : view->log_q.c, turned ? 4 : 1, LOG2_E, false, floats->c,
+               &q);
+    put_halves(turned ? view->turned_psi.c : view->log_psi.c, turned ? 4 : 1,
+               turned ? 1 / (LOG2_E * KERNEL_PSI_UNIT) : LOG2_E, turned, floats->c + numbers_of(&q),
+               &psi);
     floats->q = q;
     floats->psi = psi;
     return floats;

@@ -117,9 +117,9 @@ static size_t draw_any(const struct kernel_surface *f, const struct kernel_job *
 
 static double turned_sigma(const struct kernel_table *table, struct viewer o, double azimuth)
 {
-    double length = table->psi_scale * o.s, whole = length + o.c;
-    return o.c +
-           length * (length / whole) * exp(slope_sheet_at(table->turned_psi, o.c / whole, azimuth));
+    double length = table->psi_scale * o.s, whole = fmax(length + fabs(o.c), DBL_MIN);
+    return fmax(o.c, 0) +
+           length * (length / whole) * exp(slope_log_psi_at(table, fabs(o.c) / whole, azimuth));
 }
 
 static struct drawn turned(const struct slope_ray_view *view, const struct kernel_job *job,
@@ -137,15 +137,12 @@ static size_t draw_turned(const struct kernel_surface *f, const struct kernel_jo
     struct slope_ray_view view = {.c = NAN};
     for (size_t k = 0; k < n; k++) {
         struct viewer o = viewer_at(f, job, k);
-        if (!(o.c > 0)) { /* from behind nothing is told (facet_table.h) */
-            put(f, job, k, o, towards(o), 4);
-            continue;
-        }
         double azimuth = atan2(o.b, o.a) / acos(-1);
         if (!(view.c == o.c && view.s == o.s && view.psi == azimuth))
             facet_slope_ray_view(f->table, rays, o.c, o.s, azimuth, &view);
-        put(f, job, k, o, turned(&view, job, k),
-            4 * turned_sigma(f->table, o, azimuth - floor(azimuth)));
+        struct drawn m = view.below[2 * rays->rows] > 0 ? turned(&view, job, k) : towards(o);
+        double sigma = turned_sigma(f->table, o, azimuth - floor(azimuth));
+        put(f, job, k, o, m, 4 * fmax(sigma, DBL_MIN));
     }
     return 0;
 }

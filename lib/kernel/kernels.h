@@ -39,14 +39,21 @@ struct kernel_sheet {
  * exp must answer 0 there, and is never handed less.
  *
  * One that is not radial, P(-x) = P(x), has sheets in place of the cubics, over the azimuth of the slope,
- * in units of pi, as well: turned_q(u, azimuth), and turned_psi(1 - w, azimuth of k).
+ * in units of pi, as well: turned_q(u, azimuth) for log_q, and for log_psi, at 1 - w and the azimuth of k,
+ *   log_psi = psi_top - KERNEL_PSI_UNIT/turned_psi.
+ * (Far behind it falls like the square of |c| over a width that depends on the azimuth: its
+ * reciprocal is smooth where the logarithm itself takes a grid several times finer each way.)
  */
 #define KERNEL_LOG_ZERO (-800.0)
+#define KERNEL_PSI_UNIT 16.0
+/* A sheet that swings counts as no less: there is nothing to see. */
+#define KERNEL_PSI_LEAST 0.018
 
 /*
- * A cubic or a sheet for the float tiers: its logarithms to base 2, each half of [0, 1] counted from
- * its own end, for both u and 1 - u are to keep their digits.  First the `half` cells from 0 on, then
- * as many from 1 back, t with them; of a sheet all turns of the first half, then all of the second.
+ * A cubic or a sheet for the float tiers: its logarithms to base 2 (of turned_psi the reciprocals
+ * of what they are below psi_top), each half of [0, 1] counted from its own end, for both u and 1 - u
+ * are to keep their digits.  First the `half` cells from 0 on, then as many from 1 back, t with them;
+ * of a sheet all turns of the first half, then all of the second.
  */
 struct kernel_halves {
     const float *c;
@@ -62,6 +69,7 @@ struct kernel_table {
     double slope_scale, psi_scale;
     struct kernel_cubic log_q, log_psi;
     struct kernel_sheet turned_q, turned_psi; /* no turns: it is radial */
+    double psi_top;
     /* Floats hold sigma seen from behind where |c| is no more than this times s: beyond they lose it, and D. */
     double behind_most;
     _Atomic(struct kernel_floats *) floats; /* made when a float tier is first asked for */

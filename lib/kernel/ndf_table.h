@@ -124,9 +124,18 @@ INLINE real table_q(const struct kernel_surface *s, struct place p)
 /* What is so small beside c counts as no more than that: it is not to become denormal. */
 #define PSI_EXPONENT_MAX 60
 
+/* -log_psi to base 2. */
+INLINE real turned_exponent(const struct kernel_surface *s, struct place p)
+{
+    real f = turned_halves_at(&floats_of(s)->psi, p.from_0, p.from_1, p.inverse, p.x, p.y);
+    real least = splat(R(KERNEL_PSI_LEAST / KERNEL_PSI_UNIT / EXPONENT_UNIT));
+    return recip_fine(real_max(f, least)) - R(EXPONENT_UNIT * s->table->psi_top);
+}
+
 INLINE real table_psi(const struct kernel_surface *s, struct place p)
 {
-    real exponent = -halves_of_place(&floats_of(s)->psi, p);
+    const struct kernel_halves *f = &floats_of(s)->psi;
+    real exponent = f->turns ? turned_exponent(s, p) : -halves_at(f, p.from_0, p.from_1, p.inverse);
     return exp_minus_pair((pair){real_min(exponent, splat(R(PSI_EXPONENT_MAX))), splat(0)});
 }
 
@@ -143,7 +152,7 @@ APART real cubic_logarithm(const struct kernel_cubic *f, real u)
     return cubic_at(f->c, cell.number, cell.t);
 }
 
-APART real sheet_logarithm(const struct kernel_sheet *f, real u, real x, real y)
+APART real sheet_at(const struct kernel_sheet *f, real u, real x, real y)
 {
     struct cell cell = cell_of(u * R(f->cells), f->cells),
                 turn = cell_of(half_turn_of(x, y) * R(f->turns), f->turns);
@@ -160,17 +169,23 @@ INLINE real table_q(const struct kernel_surface *s, struct place p)
 {
     const struct kernel_table *t = s->table;
     real u = p.from_0 * p.inverse;
-    return table_exp(t->turned_q.turns ? sheet_logarithm(&t->turned_q, u, p.x, p.y)
+    return table_exp(t->turned_q.turns ? sheet_at(&t->turned_q, u, p.x, p.y)
                                        : cubic_logarithm(&t->log_q, u));
 }
 
 /* The sheet is over 1 - w. */
+INLINE real turned_log_psi(const struct kernel_table *t, struct place p)
+{
+    real f = sheet_at(&t->turned_psi, p.from_1 * p.inverse, p.x, p.y);
+    return R(t->psi_top) -
+           quotient_fine(splat(R(KERNEL_PSI_UNIT)), real_max(f, splat(R(KERNEL_PSI_LEAST))));
+}
+
 INLINE real table_psi(const struct kernel_surface *s, struct place p)
 {
     const struct kernel_table *t = s->table;
-    return table_exp(t->turned_psi.turns
-                         ? sheet_logarithm(&t->turned_psi, p.from_1 * p.inverse, p.x, p.y)
-                         : cubic_logarithm(&t->log_psi, p.from_0 * p.inverse));
+    return table_exp(t->turned_psi.turns ? turned_log_psi(t, p)
+                                         : cubic_logarithm(&t->log_psi, p.from_0 * p.inverse));
 }
 
 INLINE real table_front(const struct kernel_surface *s, struct direction k)

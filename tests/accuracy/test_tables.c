@@ -41,15 +41,22 @@ static double ellipse(double r, double turn)
     return r < 1e300 ? fmax(2 * log1p(r * r) - 2 * log1p(e * r * r), -60) : -2 * log(e);
 }
 
+static double falling(double r, double turn) /* seen from behind, the less the further */
+{
+    double x = cos(acos(-1) * turn), e = 1 + 3 * x * x;
+    return r < 1e300 ? fmax(2 * log1p(r * r) - e * r * r, -1e4) : -1e4;
+}
+
 static const struct source {
     const char *name;
     double (*log_d)(double r, double turn);
     double scale;
     size_t turns; /* 0: radial */
 } sources[] = {
-    {"flat", flat, 1, 0},    {"steep", steep, 1, 0},    {"ends", ends, 1, 0},
-    {"waves", waves, .7, 0}, {"narrow", flat, 0.01, 0}, {"wide", steep, 30, 0},
-    {"tiny", flat, 1e-8, 0}, {"widest", steep, 1e4, 0}, {"ellipse", ellipse, 1, TURNS},
+    {"flat", flat, 1, 0},           {"steep", steep, 1, 0},    {"ends", ends, 1, 0},
+    {"waves", waves, .7, 0},        {"narrow", flat, 0.01, 0}, {"wide", steep, 30, 0},
+    {"tiny", flat, 1e-8, 0},        {"widest", steep, 1e4, 0}, {"ellipse", ellipse, 1, TURNS},
+    {"falling", falling, 1, TURNS},
 };
 enum { SOURCES = sizeof sources / sizeof *sources };
 
@@ -77,16 +84,12 @@ static facet_vec3_in in(const struct pairs *p, int first)
     return (facet_vec3_in){p->v[first], p->v[first + 1], p->v[first + 2]};
 }
 
-/* A material of the table, its directions in front of one over the azimuth (facet_table.h). */
-static facet_brdf *draw_surface(struct rng *rng, const struct source *source,
-                                const facet_slope_table *table, bool ordinary, struct pairs *p,
-                                facet_material *m)
+static facet_brdf *draw_surface(struct rng *rng, const facet_slope_table *table, bool ordinary,
+                                struct pairs *p, facet_material *m)
 {
     struct draw_domain domain = ordinary ? draw_ordinary : draw_everywhere;
     *m = (facet_material){.ndf = FACET_TABULATED, .table = table};
-    if (source->turns) domain.slope_max = 0, domain.below = false, domain.cosine_min = 1e-6;
     draw_roughness(rng, &domain, &m->roughness);
-    if (source->turns) m->roughness.slope_x = m->roughness.slope_y = 0;
     draw_fresnel(rng, (facet_fresnel_kind)(rng_uniform(rng) * FACET_FRESNEL_COUNT), &m->fresnel);
     m->masking = (facet_masking)(rng_uniform(rng) * FACET_MASKING_COUNT);
     if (m->masking <= FACET_SMITH_UNCORRELATED && rng_uniform(rng) < 0.2) m->shear = FACET_THESIS;
@@ -145,6 +148,20 @@ static bool bound_of(const facet_brdf *brdf, facet_tier tier, bool floats, int q
                                     : facet_pdf_bound(brdf, tier, samplers[q - NDF_PDF], 0, bound);
 }
 
+/* What the view of a pair adds to the bounds of both tiers. */
+static double depth_error(const facet_brdf *brdf, facet_tier tier, int q, const struct pairs *p,
+                          int k)
+{
+    facet_vec3_in wi = {&p->v[0][k], &p->v[1][k], &p->v[2][k]},
+                  wo = {&p->v[3][k], &p->v[4][k], &p->v[5][k]};
+    facet_quantity quantity = q < FACET_QUANTITY_COUNT ? (facet_quantity)q : FACET_PDF;
+    facet_sampler sampler = q < NDF_PDF ? FACET_SAMPLER_AUTO : samplers[q - NDF_PDF];
+    facet_depth depth = {0, 0, 0};
+    facet_depth_survey(brdf, sampler, wi, wo, 1, &depth);
+    return facet_depth_error(brdf, tier, quantity, sampler, &depth) +
+           facet_depth_error(brdf, FACET_PRECISE, quantity, sampler, &depth);
+}
+
 static size_t compare(const facet_brdf *brdf, const struct source *source, const facet_material *m,
                       facet_tier tier, const struct pairs *p, bool floats)
 {
@@ -160,9 +177,11 @@ static size_t compare(const facet_brdf *brdf, const struct source *source, const
         if (!bound_of(brdf, tier, floats, q, &own) ||
             !bound_of(brdf, FACET_PRECISE, false, q, &least))
             continue;
-        double bound = (own + least) *
-                       (q == FACET_FR || q == FACET_FR_COS || q == FACET_G ? condition : 1);
-        for (int k = 0; k < PAIRS && bound < 0.5; k++) {
+        double all = (own + least) *
+                     (q == FACET_FR || q == FACET_FR_COS || q == FACET_G ? condition : 1);
+        for (int k = 0; k < PAIRS; k++) {
+            double bound = all + depth_error(brdf, tier, q, p, k);
+            if (!(bound < 0.5)) continue;
             if (x[q][k] > (tier < FACET_EXACT32 || floats ? FLT_MAX : DBL_MAX) / 2)
                 continue; /* saturates */
             double error = fabs(y[q][k] - x[q][k]) / fmax(fabs(x[q][k]), FACET_FLOOR);
@@ -193,7 +212,7 @@ TEST(bounds_of_tables_hold_in_every_tier)
         for (size_t n = 0; n < rounds && table; n++) {
             struct pairs p;
             facet_material m;
-            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, n % 3, &p, &m);
+            facet_brdf *brdf = draw_surface(&rng, table, n % 3, &p, &m);
             bool floats = n & 1;
             for (int j = 0; j < 6 && floats; j++)
                 for (int k = 0; k < PAIRS; k++) p.v[j][k] = (float)p.v[j][k];
@@ -221,7 +240,7 @@ TEST(bounds_of_tables_hold_for_computed_directions)
         for (size_t n = 0; n < rounds && table; n++) {
             struct pairs p, rounded;
             facet_material m;
-            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            facet_brdf *brdf = draw_surface(&rng, table, true, &p, &m);
             facet_tier tier = (facet_tier)(n % FACET_TIER_COUNT);
             double error = rng_log(&rng, 1e-16, 1e-6);
             for (int k = 0; k < 6 * PAIRS; k++)
@@ -236,9 +255,10 @@ TEST(bounds_of_tables_hold_for_computed_directions)
                                                false);
                 for (int q = 0; q < FACET_QUANTITY_COUNT; q++) {
                     double bound, off = fabs(y[q][k] - x[q][k]) / fmax(x[q][k], FACET_FLOOR);
-                    if (!facet_bound(brdf, tier, (facet_quantity)q, error * close, &bound) ||
-                        bound > 0.1 || x[q][k] > FLT_MAX / 2)
+                    if (!facet_bound(brdf, tier, (facet_quantity)q, error * close, &bound))
                         continue;
+                    bound += depth_error(brdf, tier, q, &p, k);
+                    if (bound > 0.1 || x[q][k] > FLT_MAX / 2) continue;
                     checked++;
                     if (bound > 0) check_note(sources[s].name, off / bound);
                     if (!(off <= 2 * bound)) /* precise has its own */
@@ -267,12 +287,14 @@ static void check_samples(const facet_brdf *brdf, const char *name, facet_tier t
               FACET_OK);
     for (int k = 0; k < PAIRS; k++) {
         double y = weight[k] * pdf[k], error = fabs(y - x[k]) / fmax(x[k], FACET_FLOOR), bound;
-        double close = facet_closeness(brdf, (facet_vec3_in){&wi[0][k], &wi[1][k], &wi[2][k]},
-                                       (facet_vec3_in){&p->v[3][k], &p->v[4][k], &p->v[5][k]}, 1,
-                                       false);
-        if (!facet_sample_bound(brdf, tier, sampler, close * 0x1p-52, &bound) || !(bound < 0.5) ||
-            x[k] > FLT_MAX / 2 || !(pdf[k] > 1e-30))
-            continue;
+        facet_vec3_in i = {&wi[0][k], &wi[1][k], &wi[2][k]},
+                      o = {&p->v[3][k], &p->v[4][k], &p->v[5][k]};
+        facet_depth depth = {0, 0, 0};
+        double close = facet_closeness(brdf, i, o, 1, false);
+        if (!facet_sample_bound(brdf, tier, sampler, close * 0x1p-52, &bound)) continue;
+        facet_depth_survey(brdf, sampler, o, o, 1, &depth);
+        bound += facet_sample_depth_error(brdf, tier, sampler, &depth);
+        if (!(bound < 0.5) || x[k] > FLT_MAX / 2 || !(pdf[k] > 1e-30)) continue;
         check_note(facet_tier_name(tier), error / bound);
         if (!(error <= 2 * bound))
             check_fail(__FILE__, __LINE__, "%s %s %s: %.17g, not %.17g, bound %.3g", name,
@@ -294,7 +316,7 @@ TEST(samples_of_every_tier_weigh_what_eval_answers)
             struct pairs p;
             double u[2][PAIRS];
             facet_material m;
-            facet_brdf *brdf = draw_surface(&rng, &sources[s], table, true, &p, &m);
+            facet_brdf *brdf = draw_surface(&rng, table, true, &p, &m);
             for (int k = 0; k < PAIRS; k++)
                 u[0][k] = rng_uniform(&rng), u[1][k] = rng_uniform(&rng);
             for (int t = 0; t < FACET_TIER_COUNT && brdf && m.shear != FACET_THESIS; t++)
@@ -332,7 +354,7 @@ TEST(precise_is_the_table)
             struct pairs p;
             facet_material m;
             facet_outputs outputs;
-            facet_brdf *drawn = draw_surface(&rng, &sources[s], table, true, &p, &m), *brdf = NULL;
+            facet_brdf *drawn = draw_surface(&rng, table, true, &p, &m), *brdf = NULL;
             facet_brdf_destroy(drawn);
             m.roughness = (facet_roughness){.alpha_x = m.roughness.alpha_x,
                                             .alpha_y = m.roughness.alpha_x};

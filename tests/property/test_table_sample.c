@@ -271,13 +271,14 @@ TEST(beckmann_from_behind_by_its_table)
         CHECK_REL(depth.wo, v, 1e-12, 0);
         CHECK(facet_pdf_bound(brdf, FACET_PRECISE, FACET_SAMPLER_TABLE, 0, &bound));
         CHECK(facet_pdf_bound(brdf, FACET_PRECISE, FACET_SAMPLER_SLOPE, 0, &own));
-        bound += own + facet_depth_error(brdf, FACET_PDF, FACET_SAMPLER_TABLE, &depth);
+        bound += own +
+                 facet_depth_error(brdf, FACET_PRECISE, FACET_PDF, FACET_SAMPLER_TABLE, &depth);
         CHECK(v < 23.6 ? bound < 2e-6 : v < 24.1 || bound == INFINITY);
         for (int k = 0; k < N && bound < 1; k++) CHECK_REL(by_table[k], by_slope[k], bound, 0);
         depth = (facet_depth){0, 0, 0};
         facet_depth_survey(brdf, FACET_SAMPLER_SLOPE, to, from, N, &depth);
         CHECK(depth.wo == 0 &&
-              facet_depth_error(brdf, FACET_PDF, FACET_SAMPLER_SLOPE, &depth) == 0);
+              facet_depth_error(brdf, FACET_PRECISE, FACET_PDF, FACET_SAMPLER_SLOPE, &depth) == 0);
         facet_brdf_destroy(brdf);
     }
 }
@@ -300,7 +301,7 @@ TEST(visible_normals_from_far_behind)
         scene_look_from(&scene, PI / 2, 0);
         facet_depth depth = {.wo = -scene.c / scene.s};
         CHECK(facet_bound(brdf, FACET_PRECISE, FACET_D_VIS, 0, &bound));
-        bound += facet_depth_error(brdf, FACET_D_VIS, FACET_SAMPLER_AUTO, &depth);
+        bound += facet_depth_error(brdf, FACET_PRECISE, FACET_D_VIS, FACET_SAMPLER_AUTO, &depth);
         CHECK(bound < 1e-4);
         CHECK_REL(probability(&scene, 0, 1), 1, bound, 0);
         facet_brdf_destroy(brdf);

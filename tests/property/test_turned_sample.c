@@ -42,6 +42,7 @@ static double along(const struct scene *scene, double phi, double u0, double u1)
 {
     static double radius[SCENE_MAX], turn[SCENE_MAX], value[SCENE_MAX], weigh[SCENE_MAX];
     double node[POINTS], weight[POINTS], sum = 0, b = scene->scale;
+    if (!(u1 > u0)) return 0;
     facet_gauss_legendre(POINTS, node, weight);
     int panels = 1 + (int)((u1 - u0) * PANELS_U), n = 0;
     for (int k = 0; k < panels * POINTS; k++) {
@@ -96,11 +97,27 @@ static double distance_of(const struct scene *scene)
     }
     check_note("azimuth", worst[0]);
     check_note("along", worst[1]);
-    return fmax(worst[0], worst[1]);
+    return check_worse(worst[0], worst[1]);
+}
+
+static void check_scene(const struct scene *scene, facet_ndf ndf, double alpha)
+{
+    double distance = distance_of(scene);
+    check_note("Kolmogorov-Smirnov", distance);
+    if (!(distance <= 1e-6))
+        check_fail(__FILE__, __LINE__, "ndf %d: %.3g, alpha %g, wo_z %g, c %g, s %g", (int)ndf,
+                   distance, alpha, scene->wo[2], scene->c, scene->s);
 }
 
 static const double alphas[] = {0.001, 0.03, 0.3, 1};
 static const double views[] = {0, 0.7, 1.4, 1.5691};
+
+static const facet_roughness shapes[] = {
+    {.alpha_x = 1, .alpha_y = 1},
+    {.alpha_x = 0.5, .alpha_y = 2, .rho = 0.7},
+    {.alpha_x = 1, .alpha_y = 1, .slope_x = 0.4, .slope_y = -0.3},
+    {.alpha_x = 1.5, .alpha_y = 0.7, .rho = -0.5, .slope_x = -1, .slope_y = 0.5},
+};
 
 TEST(samples_have_the_density_that_eval_answers)
 {
@@ -108,24 +125,21 @@ TEST(samples_have_the_density_that_eval_answers)
         for (int a = 0; a < 4; a++) {
             facet_roughness e = {.alpha_x = 2 * alphas[a], .alpha_y = alphas[a] / 2, .rho = 0.5};
             facet_slope_table *table = ellipse_rows((facet_ndf)ndf, &e, 91, 90);
-            for (int s = 0; s < 2 && table; s++) {
-                static const facet_roughness shapes[] = {
-                    {.alpha_x = 1, .alpha_y = 1}, {.alpha_x = 0.5, .alpha_y = 2, .rho = 0.7}};
+            for (size_t s = 0; s < 4 && table; s++) {
                 facet_material m = {.ndf = FACET_TABULATED,
                                     .roughness = shapes[s],
                                     .table = table,
                                     .fresnel = {.channels = 1}};
+                m.roughness.slope_x *= alphas[a], m.roughness.slope_y *= alphas[a];
                 facet_brdf *brdf = NULL;
                 CHECK_INT(facet_brdf_create(&m, &brdf), FACET_OK);
                 struct scene scene = {
                     .brdf = brdf, .r = m.roughness, .scale = ellipse_rows_scale(&e)};
-                for (size_t v = 0; v < 4 && brdf; v++) {
-                    scene_look_from(&scene, views[v], 0.3 + (double)v);
-                    double distance = distance_of(&scene);
-                    check_note("Kolmogorov-Smirnov", distance);
-                    if (!(distance <= 1e-6))
-                        check_fail(__FILE__, __LINE__, "ndf %d: %.3g, alpha %g, shape %d, wo_z %g",
-                                   ndf, distance, alphas[a], s, scene.wo[2]);
+                for (size_t v = 0; v < 6 && brdf; v++) {
+                    static const double depths[] = {1, 3};
+                    double below = PI / 2 + atan(depths[v % 2] * alphas[a]);
+                    scene_look_from(&scene, v < 4 ? views[v] : below, 0.3 + (double)v);
+                    check_scene(&scene, (facet_ndf)ndf, alphas[a]);
                 }
                 facet_brdf_destroy(brdf);
             }
