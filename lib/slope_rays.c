@@ -38,26 +38,27 @@ static struct ray_sums integrate(const struct kernel_table *table, double azimut
 #define VARIATION 1.0
 enum { PARTS_MAX = 64 };
 
-static int parts_of(const struct kernel_table *table, double azimuth, double u0, double u1)
+static int parts_of(const double line[4], double t0, double t1)
 {
-    double least = INFINITY, most = -INFINITY;
-    for (int k = 0; k < 3; k++) {
-        double y = slope_sheet_at(table->turned_q, u0 + (u1 - u0) * k / 2, azimuth);
-        least = fmin(least, y), most = fmax(most, y);
-    }
-    return (int)fmin(PARTS_MAX, fmax(1, ceil((most - least) / VARIATION)));
+    double y0 = slope_cubic_at(line, t0), y1 = slope_cubic_at(line, (t0 + t1) / 2),
+           y2 = slope_cubic_at(line, t1),
+           variation = fmax(fabs(y2 - y0), fmax(fabs(y1 - y0), fabs(y2 - y1)));
+    return (int)fmin(PARTS_MAX, fmax(1, ceil(variation / VARIATION)));
 }
 
 struct slope_tail facet_slope_tail_add(const struct kernel_table *table, double azimuth, double u0,
                                        double u1, struct slope_tail tail)
 {
-    int parts = parts_of(table, azimuth, u0, u1);
+    double cells = (double)table->turned_q.cells, line[4];
+    size_t i = (size_t)fmin(cells * ((u0 + u1) / 2), cells - 1);
+    slope_sheet_line(table->turned_q, i, azimuth, line);
+    int parts = parts_of(line, u0 * cells - (double)i, u1 * cells - (double)i);
     double h = (u1 - u0) / parts;
     for (int part = parts; part-- > 0;) {
         tail.g += h * tail.n;
         for (int k = 0; k < POINTS; k++) {
             double along = h * node[k], u = u0 + h * part + along,
-                   q = h * gauss[k] * u * exp(slope_sheet_at(table->turned_q, u, azimuth));
+                   q = h * gauss[k] * u * exp(slope_cubic_at(line, u * cells - (double)i));
             tail.n += q;
             tail.g += along * q;
         }

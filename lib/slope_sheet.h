@@ -39,6 +39,21 @@ static inline double slope_sheet_at(struct kernel_sheet f, double u, double azim
     return slope_patch_at(f.c + 16 * (f.cells * j + i), x - (double)i, y - (double)j);
 }
 
+/* Cell i along one azimuth: a cubic in t. */
+static inline void slope_sheet_line(struct kernel_sheet f, size_t i, double azimuth, double line[4])
+{
+    double y = azimuth * (double)f.turns;
+    size_t j = y < (double)f.turns ? (size_t)y : f.turns - 1;
+    const double *c = f.c + 16 * (f.cells * j + i);
+    double s = y - (double)j;
+    for (size_t m = 0; m < 4; m++) line[m] = c[m] + s * (c[4 + m] + s * (c[8 + m] + s * c[12 + m]));
+}
+
+static inline double slope_cubic_at(const double c[4], double t)
+{
+    return c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+}
+
 /* log_psi, as the kernels evaluate it. */
 static inline double slope_log_psi_at(const struct kernel_table *table, double u, double azimuth)
 {

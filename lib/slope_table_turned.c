@@ -66,14 +66,6 @@ static facet_status tabulate_q(const double *y, const struct sizes *s, double *c
     return status;
 }
 
-static facet_status find_psi(const struct kernel_table *view, size_t cells, size_t rows,
-                             bool is_check, double *psi)
-{
-    size_t first;
-    facet_status status = facet_slope_psi_tails(view, cells, rows, is_check, &first, psi);
-    return status ? status : facet_slope_psi_rows(view, cells, rows, is_check, first, psi);
-}
-
 /* log_psi from psi at u = i/cells along one azimuth. */
 static void take_logarithms(const struct kernel_table *view, double azimuth, size_t cells,
                             double *y)
@@ -112,7 +104,7 @@ static double depth_at(const facet_slope_table *table, double u)
 static facet_status measure_psi(facet_slope_table *table, double *y)
 {
     struct kernel_sheet sheet = table->view.turned_psi;
-    facet_status status = find_psi(&table->view, sheet.cells, sheet.turns, true, y);
+    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, y);
     double cells = (double)sheet.cells, faint = 1, seen = 0;
     table->sigma_error = 0;
     for (size_t k = 0; k < SLOPE_DEPTHS; k++) table->psi_error_to[k] = 0;
@@ -148,7 +140,7 @@ static facet_status fill_psi(facet_slope_table *table, size_t cells, double *c)
     size_t rows = PSI_FINER * view->turned_q.turns, knots = cells + 1;
     double *y = malloc((knots + 1) * rows * sizeof *y), *first = y + knots * rows;
     if (!y) return FACET_NO_MEMORY;
-    facet_status status = find_psi(view, cells, rows, false, y);
+    facet_status status = facet_slope_psi_rows(view, cells, rows, false, y);
     for (size_t j = 0; j < rows && !status; j++)
         take_logarithms(view, (double)j / (double)rows, cells, y + j * knots);
     view->psi_top = -INFINITY;

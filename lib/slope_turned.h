@@ -19,15 +19,10 @@ struct slope_sums facet_slope_sums(const struct kernel_table *table);
  * psi(v) = E[max(x - v, 0)] of the component x along an azimuth, at v = scale u/(1 - u), u =
  * i/cells, i < cells: rows (even) of cells + 1, row j along the azimuth pi j/rows.  is_check: between
  * those, at u = (i + 1/2)/cells, i = 0, SLOPE_CHECK_STRIDE .., azimuth pi (j + 1/2)/rows, from
- * samples there, so that it errs otherwise.
- *
- * Far out by rays, to a relative error; `first` is told where they begin.  Before it by harmonics,
- * right to rounding of the largest; best where the table's cells are cut by these.
+ * rays there, so that it errs otherwise.
  */
-facet_status facet_slope_psi_tails(const struct kernel_table *table, size_t cells, size_t rows,
-                                   bool is_check, size_t *first, double *psi);
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, size_t first, double *psi);
+                                  bool is_check, double *psi);
 
 enum { SLOPE_CHECK_STRIDE = 3 };
 

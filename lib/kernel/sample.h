@@ -86,13 +86,13 @@ INLINE struct normal cap_sample(const struct kernel_surface *s, struct direction
 {
     real r = root_from_zero(madd(o.c, o.c, o.s2)), inverse = recip(real_max(r, splat(REAL_MIN)));
     real large = r + real_abs(o.c), more = large * inverse, lift = splat(0);
-    real less_ = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
+    real lesser = quotient(o.s2 * inverse, real_max(large, splat(REAL_MIN)));
     mask behind = less(o.c, splat(0));
-    real up = select(behind, less_, more), down = select(behind, more, less_);
+    real up = select(behind, lesser, more), down = select(behind, more, lesser);
     if (bounded) {
         real part = 2 * real_max(o.c, splat(0)) * inverse * recip(cap.whole);
         lift = R(s->cap_a2) * part;
-        up = madd(cap.raised, part, less_);
+        up = madd(cap.raised, part, lesser);
         down += lift;
     }
     real z = u2.rest * up, radius2 = u2.u * up * (down + z), radius = root_from_zero(radius2);

@@ -352,16 +352,17 @@ static void check_samples(const struct scene *scene)
 
 TEST(samples_have_the_density_that_is_answered)
 {
-    static const double views[][3] = {{0, 0, 1}, {.6, 0, .8}, {-.48, .8, .36}, {.28, .959, .043}};
+    static const double views[][3] = {
+        {0, 0, 1}, {.6, 0, .8}, {-.48, .8, .36}, {.28, .959, .043}, {.9, .3, -.1}};
     for (int source = 0; source < 3; source++) {
         facet_slope_table *table = source == 2 ? rough_table(0.2)
                                                : ellipse_rows(source ? FACET_BECKMANN : FACET_GGX,
                                                               &ellipse, 91, 45);
         facet_brdf *brdf = table ? surface(FACET_TABULATED, table, even) : NULL;
-        for (int v = 0; v < 5 && brdf; v++) {
+        for (int v = 0; v < 6 && brdf; v++) {
             struct scene scene = {
-                brdf, v == 4 ? FACET_SAMPLER_NDF : FACET_SAMPLER_TABLE, .3, {0, 0, 1}};
-            memcpy(scene.wo, views[v % 4], sizeof scene.wo);
+                brdf, v == 5 ? FACET_SAMPLER_NDF : FACET_SAMPLER_TABLE, .3, {0, 0, 1}};
+            memcpy(scene.wo, views[v % 5], sizeof scene.wo);
             check_samples(&scene);
         }
         facet_brdf_destroy(brdf);
