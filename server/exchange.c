@@ -159,6 +159,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
     request->body_expected = head.length;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     if (cors_allows(http, head.value[HEAD_ORIGIN])) request->cors = http->options->cors;
+    request->varies_by_origin = *http->options->cors && strcmp(http->options->cors, "*");
     if (settle_by_head(http, client, &head)) return answer_early(http, client, &head);
     client->phase = CLIENT_BODY;
     return MHD_YES;

@@ -322,10 +322,11 @@ size_t request_headers(const struct request *request, struct request_header *hea
     if (response->status == 401)
         headers[n++] = (struct request_header){"WWW-Authenticate", "Bearer realm=\"facetd\""};
     if (request->close) headers[n++] = (struct request_header){"Connection", "close"};
+    /* Also where this Origin gets none: a cache would give that answer to the one that does. */
+    if (request->varies_by_origin) headers[n++] = (struct request_header){"Vary", "Origin"};
     if (!request->cors) return n;
     headers[n++] = (struct request_header){"Access-Control-Allow-Origin", request->cors};
     headers[n++] = (struct request_header){"Access-Control-Expose-Headers", "*"};
-    headers[n++] = (struct request_header){"Vary", "Origin"};
     if (strcmp(request->method, "OPTIONS")) return n;
     headers[n++] = (struct request_header){"Access-Control-Allow-Methods", "GET, HEAD, POST"};
     headers[n++] = (struct request_header){

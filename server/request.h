@@ -54,6 +54,7 @@ struct request {
     size_t block_size, block_taken, streamed;
     bool block_last, block_failed; /* no more follow; the connection is to be cut */
     const char *cors;              /* value of Access-Control-Allow-Origin; NULL: none */
+    bool varies_by_origin;         /* with another Origin there is one, or none */
     bool close;                    /* the connection ends after this answer */
     bool overdue;                  /* the deadline passed and the work was told */
     bool was_queued;               /* it went to a worker */
