@@ -125,13 +125,12 @@ static void fill(const struct harmonics *h, double *even, double *odd, double *p
 }
 
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, double *psi)
+                                  double shift, size_t stride, double *psi)
 {
-    struct harmonics h = {.table = table, .cells = cells, .rows = rows};
-    h.shift = is_check ? 0.5 : 0;
-    h.stride = is_check ? SLOPE_CHECK_STRIDE : 1;
+    struct harmonics h = {
+        .table = table, .cells = cells, .rows = rows, .shift = shift, .stride = stride};
     /* Half of what samples tell, the others being their aliases'; a check takes all. */
-    h.count = (rows - 1) / (is_check ? 2 : 4) + 1;
+    h.count = (rows - 1) / (shift > 0 ? 2 : 4) + 1;
     size_t rings = cells * RINGS;
     double *room = malloc((rings * (1 + 2 * h.count) + 3 * h.rows + 2 * h.count) * sizeof *room);
     if (!room) return FACET_NO_MEMORY;

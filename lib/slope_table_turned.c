@@ -20,6 +20,11 @@
 /* Twice as many, where its error is larger. */
 #define SIGMA_ERROR 2e-7
 #define PSI_FINER 2
+/* A table is normalised to this, in so many passes at most. */
+#define MASS_ERROR 1e-13
+#define PASSES_MAX 3
+/* Between the nodes its error is measured in one cell of so many. */
+#define CHECK_STRIDE 3
 /* Below this share of the scale it counts as 0: it is in front of the surface alone that it is
  * told. */
 #define PSI_LEAST 1e-13
@@ -79,16 +84,17 @@ static void take_logarithms(const struct kernel_table *view, double azimuth, siz
     *first = (1 - exp(-y[0]) / 2) / (double)cells;
 }
 
-/* Between the rows and the nodes, where it is interpolated.  y: room for the rows. */
-static facet_status measure_psi(facet_slope_table *table, double *y)
+/* Between the rows and the nodes, where it is interpolated, in every stride-th cell. */
+static facet_status measure_between(facet_slope_table *table, size_t stride, double *y)
 {
+    const double shift = 0.5;
     struct kernel_sheet sheet = table->view.turned_psi;
-    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, y);
-    table->sigma_error = 0;
+    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, shift,
+                                               stride, y);
     for (size_t j = 0; j < sheet.turns && !status; j++) {
-        double azimuth = ((double)j + 0.5) / (double)sheet.turns;
-        for (size_t i = 0; i < sheet.cells; i += SLOPE_CHECK_STRIDE) {
-            double u = ((double)i + 0.5) / (double)sheet.cells, w = 1 - u;
+        double azimuth = ((double)j + shift) / (double)sheet.turns;
+        for (size_t i = 0; i < sheet.cells; i += stride) {
+            double u = ((double)i + shift) / (double)sheet.cells, w = 1 - u;
             double x = y[j * (sheet.cells + 1) + i] /
                        table->view.slope_scale; /* S = 1, |c| = u/w */
             double error = fabs(w * exp(slope_sheet_at(sheet, u, azimuth)) - x);
@@ -98,18 +104,35 @@ static facet_status measure_psi(facet_slope_table *table, double *y)
     return status;
 }
 
-static facet_status fill_psi(facet_slope_table *table, size_t cells, double *c)
+/*
+ * psi(0) = E|x|/2, whose mean over the azimuth is E[r]/pi: by how much the rings of psi miss it, which
+ * they do where a cell falls by many powers of e, is seen by nothing that takes the same rings.
+ */
+static double ring_error(const double *psi, size_t cells, size_t rows, double mean)
+{
+    double sum = 0;
+    for (size_t j = 0; j < rows; j++) sum += psi[j * (cells + 1)];
+    return fabs(sum / (double)rows / (mean / FACET_PI) - 1);
+}
+
+/* mean: E[r]; is_last: there are no more cells.  An error that stays is looked for in every cell. */
+static facet_status fill_psi(facet_slope_table *table, size_t cells, double mean, bool is_last,
+                             double *c)
 {
     size_t rows = PSI_FINER * table->view.turned_q.turns;
     double *y = malloc((cells + 2) * rows * sizeof *y), *first = y + (cells + 1) * rows;
     if (!y) return FACET_NO_MEMORY;
-    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, false, y);
+    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, 0, 1, y);
+    if (!status) table->sigma_error = ring_error(y, cells, rows, mean);
     for (size_t j = 0; j < rows && !status; j++)
         take_logarithms(&table->view, (double)j / (double)rows, cells, y + j * (cells + 1),
                         &first[j]);
     if (!status) status = facet_slope_sheet(y, cells + 1, rows, 1, first, c);
     table->view.turned_psi = (struct kernel_sheet){c, cells, rows};
-    if (!status) status = measure_psi(table, y);
+    if (!status) status = measure_between(table, CHECK_STRIDE, y);
+    bool stays = is_last || table->sigma_error <= SIGMA_ERROR;
+    if (!status && stays && table->sigma_error > SIGMA_ERROR / 2)
+        status = measure_between(table, 1, y);
     free(y);
     return status;
 }
@@ -123,23 +146,48 @@ static bool agree_at_normal(const double *log_d, size_t n, size_t turns)
     return true;
 }
 
+static bool falls_to_nothing(const double *y, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (slope_log_is_zero(y[i])) return true;
+    return false;
+}
+
+/* log_q of a whole of 1.  Nodes of 0 stay: what falls to them has changed, by much less each time. */
+static facet_status normalise(facet_slope_table *table, const struct sizes *s, double *y,
+                              struct slope_sums *sums)
+{
+    struct kernel_table *view = &table->view;
+    const size_t n = s->n * s->turns;
+    facet_status status = tabulate_q(y, s, table->coefficients, &view->turned_q);
+    for (int pass = 0; !status; pass++) {
+        *sums = facet_slope_sums(view);
+        bool done = pass == PASSES_MAX || (pass > 0 && fabs(sums->mass - 1) <= MASS_ERROR);
+        if (done) break;
+        if (!facet_slope_normalise(sums->mass, y, n)) return FACET_BAD_TABLE;
+        status = tabulate_q(y, s, table->coefficients, &view->turned_q);
+        if (!falls_to_nothing(y, n)) break;
+    }
+    return status;
+}
+
 /* y: turns rows of n. */
 static facet_status fill(facet_slope_table *table, const struct sizes *s, double *y)
 {
     struct kernel_table *view = &table->view;
-    facet_status status = tabulate_q(y, s, table->coefficients, &view->turned_q);
+    struct slope_sums sums;
+    facet_status status = normalise(table, s, y, &sums);
     if (status) return status;
-    struct slope_sums sums = facet_slope_sums(view);
-    if (!facet_slope_normalise(sums.mass, y, s->n * s->turns)) return FACET_BAD_TABLE;
-    status = tabulate_q(y, s, table->coefficients, &view->turned_q);
-    if (status) return status;
+    const double mean = sums.mean / sums.mass;
+    if (view->slope_scale > FACET_TURNED_SCALE_FAR * mean) return FACET_BAD_TABLE;
     table->gain = sums.gain;
     table->quantile_gain = RAY_GAIN;
     table->near = table->reach = table->end = INFINITY; /* it is not seen from behind */
     double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
-    status = fill_psi(table, s->psi_cells, c);
-    bool again = table->sigma_error > SIGMA_ERROR && s->psi_cells_most > s->psi_cells;
-    if (!status && again) status = fill_psi(table, s->psi_cells_most, c);
+    const bool may_grow = s->psi_cells_most > s->psi_cells;
+    status = fill_psi(table, s->psi_cells, mean, !may_grow, c);
+    bool again = may_grow && table->sigma_error > SIGMA_ERROR;
+    if (!status && again) status = fill_psi(table, s->psi_cells_most, mean, true, c);
     if (!status) facet_slope_table_measure(table);
     return status;
 }
