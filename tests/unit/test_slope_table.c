@@ -251,7 +251,7 @@ TEST(sigma_of_rows_is_as_right_as_stated)
                 double got = b * w * exp(slope_sheet_at(table[1]->view.turned_psi, 1 - w, .3));
                 worst = check_worse(worst, fabs(got - exact) / (v + exact));
             }
-            CHECK(apart <= 1e-8); /* both integrate to 1 */
+            CHECK(apart <= (nodes[k / 8 % 3] < 25 ? 1e-8 : 1e-11)); /* both integrate to 1 */
             CHECK(worst <= 3 * table[1]->sigma_error + 1e-8);
             check_note("D", apart);
         }
