@@ -8,6 +8,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 const char *const api_ndf_names[] = {"ggx", "beckmann", "tabulated", "lambert", NULL};
@@ -145,7 +146,9 @@ static const struct field fresnel_forms[] = {
 static const struct field slopes_fields[] = {
     {MEMBER(struct slopes, scale), FIELD_NUMBER, FIELD_MUST, .min = FACET_ALPHA_MIN,
      .max = FACET_ALPHA_MAX,
-     .doc = "the nodes are uniform in u = tan theta / (scale + tan theta), 0 to 1"},
+     .doc =
+         "the nodes are uniform in u = tan theta / (scale + tan theta), 0 to 1; of rows at most 64 "
+         "mean slopes"},
     {MEMBER(struct slopes, log_D), FIELD_MATRIX, FIELD_MUST, .min = -1e4, .max = 1e3,
      .min_items = FACET_TABLE_NODES_MIN, .max_items = LIMIT_TABLE_NODES, .width = 1,
      .doc =
@@ -429,11 +432,22 @@ static void destroy_brdf(void *brdf)
     facet_brdf_destroy(brdf);
 }
 
-static double largest(const struct matrix *m)
+/* Each number has been checked, what is left is their integral. */
+static bool refuse_slopes(const struct slopes *slopes, const struct place *at,
+                          struct decoder *decoder)
 {
-    double most = -INFINITY;
+    const struct matrix *m = &slopes->log_D;
+    double most = -INFINITY, least_mean = slopes->scale / FACET_TURNED_SCALE_FAR;
+    char far[160] = "";
     for (size_t i = 0; i < m->rows * m->columns; i++) most = fmax(most, m->values[i]);
-    return most;
+    if (m->columns > 1)
+        snprintf(far, sizeof far, ", or the mean slope of its rows is below %.6g, scale %.6g / %d",
+                 least_mean, slopes->scale, FACET_TURNED_SCALE_FAR);
+    return api_problem_at(
+        decoder->problem, at,
+        "log_D describes no surface: D is 0 at all slopes (-700 and below count as 0), or too large to "
+        "be normalised%s; the largest log_D is %.6g, and a constant added to all changes nothing",
+        far, most);
 }
 
 static bool open_slopes(const struct slopes *slopes, const struct place *place,
@@ -446,13 +460,7 @@ static bool open_slopes(const struct slopes *slopes, const struct place *place,
                               ? facet_slope_table_create_turned(slopes->scale, m->values,
                                                                 m->columns, m->rows, &table)
                               : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
-    if (status ==
-        FACET_BAD_TABLE) /* each number has been checked, what is left is their integral */
-        return api_problem_at(
-            decoder->problem, &at,
-            "log_D describes no surface: D is 0 at all slopes (-700 and below count as 0), or too large to "
-            "be normalised; the largest log_D is %.6g, and a constant added to all changes nothing",
-            largest(m));
+    if (status == FACET_BAD_TABLE) return refuse_slopes(slopes, &at, decoder);
     if (status) return api_problem_status(decoder->problem, status, &at);
     material->table = table;
     return api_arena_defer(decoder->arena, destroy_table, table) ||

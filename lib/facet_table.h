@@ -38,6 +38,7 @@ bool facet_slope_table_has_floats(const facet_slope_table *table);
 #define FACET_TABLE_TURNS_MIN 4
 #define FACET_TABLE_TURNS_MAX 180
 #define FACET_TURNED_NODES_MAX 16384 /* of all rows */
+#define FACET_TURNED_SCALE_FAR 64 /* a scale of more mean slopes is BAD_TABLE: it tells no sigma */
 
 /*
  * A distribution that is not radial: turns rows of n such nodes, row j at the azimuth pi j/turns of

@@ -151,7 +151,7 @@ static void fill(const struct rays *t, size_t cells, size_t stride, double *psi)
 }
 
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, double *psi)
+                                  bool is_check, size_t stride, double *psi)
 {
     struct rays t = {.table = table, .rows = rows, .shift = is_check ? 0.5 : 0};
     size_t parts = (KNOTS + table->turned_q.cells - 1) / table->turned_q.cells;
@@ -164,7 +164,7 @@ facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells
     t.sum = t.seen + rows;
     t.own = t.sum + rows;
     facet_status status = add_rays(&t);
-    if (!status) fill(&t, cells, is_check ? SLOPE_CHECK_STRIDE : 1, psi);
+    if (!status) fill(&t, cells, stride, psi);
     free(room);
     return status;
 }

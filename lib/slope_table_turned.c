@@ -22,6 +22,11 @@
 #define PSI_FINER 2
 /* So far above the largest of log_psi is what its sheet counts from. */
 #define PSI_BELOW_TOP 2.0
+/* A table is normalised to this, in so many passes at most. */
+#define MASS_ERROR 1e-13
+#define PASSES_MAX 3
+/* Between the nodes its error is measured in one cell of so many. */
+#define CHECK_STRIDE 3
 
 /* Sums over the azimuth are right to rounding of the whole: a part of it of this share moves by
  * that much more. */
@@ -100,22 +105,28 @@ static double depth_at(const facet_slope_table *table, double u)
     return u < 1 ? table->view.slope_scale * fmax(u, 0) / (1 - u) : INFINITY;
 }
 
-/* Between the rows and the nodes, where it is interpolated.  y: room for the rows. */
-static facet_status measure_psi(facet_slope_table *table, double *y)
+/* Nothing is measured yet. */
+static void forget_errors(facet_slope_table *table)
 {
-    struct kernel_sheet sheet = table->view.turned_psi;
-    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, y);
-    double cells = (double)sheet.cells, faint = 1, seen = 0;
     table->sigma_error = 0;
     for (size_t k = 0; k < SLOPE_DEPTHS; k++) table->psi_error_to[k] = 0;
+}
+
+/* Between the rows and the nodes, where it is interpolated, in every stride-th cell. */
+static facet_status measure_between(facet_slope_table *table, size_t stride, double *y)
+{
+    struct kernel_sheet sheet = table->view.turned_psi;
+    facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, stride,
+                                               y);
+    double cells = (double)sheet.cells, step = (double)stride / cells, faint = 1, seen = 0;
     for (size_t j = 0; j < sheet.turns && !status; j++) {
         double azimuth = ((double)j + 0.5) / (double)sheet.turns;
-        for (size_t i = 0; i < sheet.cells; i += SLOPE_CHECK_STRIDE) {
+        for (size_t i = 0; i < sheet.cells; i += stride) {
             double u = ((double)i + 0.5) / cells,
                    x = y[j * (sheet.cells + 1) + i] / table->view.slope_scale;
             measure_at(table, u, azimuth, x);
-            if (x < FACET_FLOOR) faint = fmin(faint, u - SLOPE_CHECK_STRIDE / cells);
-            if (x > 0) seen = fmax(seen, u + SLOPE_CHECK_STRIDE / cells);
+            if (x < FACET_FLOOR) faint = fmin(faint, u - step);
+            if (x > 0) seen = fmax(seen, u + step);
         }
     }
     for (size_t k = 1; k < SLOPE_DEPTHS; k++)
@@ -134,23 +145,50 @@ double facet_slope_turned_psi_error(const facet_slope_table *table, double depth
     return table->psi_error_to[(size_t)at];
 }
 
-static facet_status fill_psi(facet_slope_table *table, size_t cells, double *c)
+/*
+ * psi(0) = E|x|/2, whose mean over the azimuth is E[r]/pi: by how much the rays of psi miss it, which
+ * they do where a cell falls by many powers of e, is seen by nothing that takes the same rays.
+ */
+static double ray_error(const double *psi, size_t cells, size_t rows, double mean)
+{
+    double sum = 0;
+    for (size_t j = 0; j < rows; j++) sum += psi[j * (cells + 1)];
+    return fabs(sum / (double)rows / (mean / FACET_PI) - 1);
+}
+
+/* What the kernels read, from psi at the nodes in y.  first: room for the rows. */
+static facet_status tabulate_psi(facet_slope_table *table, size_t cells, double *y, double *first,
+                                 double *c)
 {
     struct kernel_table *view = &table->view;
     size_t rows = PSI_FINER * view->turned_q.turns, knots = cells + 1;
-    double *y = malloc((knots + 1) * rows * sizeof *y), *first = y + knots * rows;
-    if (!y) return FACET_NO_MEMORY;
-    facet_status status = facet_slope_psi_rows(view, cells, rows, false, y);
-    for (size_t j = 0; j < rows && !status; j++)
+    for (size_t j = 0; j < rows; j++)
         take_logarithms(view, (double)j / (double)rows, cells, y + j * knots);
     view->psi_top = -INFINITY;
-    for (size_t k = 0; k < rows * knots && !status; k++)
+    for (size_t k = 0; k < rows * knots; k++)
         view->psi_top = fmax(view->psi_top, y[k] + PSI_BELOW_TOP);
-    for (size_t j = 0; j < rows && !status; j++)
+    for (size_t j = 0; j < rows; j++)
         take_reciprocals(view->psi_top, cells, y + j * knots, &first[j]);
-    if (!status) status = facet_slope_sheet(y, knots, rows, 1, first, c);
     view->turned_psi = (struct kernel_sheet){c, cells, rows};
-    if (!status) status = measure_psi(table, y);
+    return facet_slope_sheet(y, knots, rows, 1, first, c);
+}
+
+/* mean: E[r]; is_last: there are no more cells.  An error that stays is looked for in every cell. */
+static facet_status fill_psi(facet_slope_table *table, size_t cells, double mean, bool is_last,
+                             double *c)
+{
+    size_t rows = PSI_FINER * table->view.turned_q.turns, knots = cells + 1;
+    double *y = malloc((knots + 1) * rows * sizeof *y);
+    if (!y) return FACET_NO_MEMORY;
+    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, false, 1, y);
+    forget_errors(table);
+    const double lost = status ? 0 : ray_error(y, cells, rows, mean);
+    if (!status) status = tabulate_psi(table, cells, y, y + knots * rows, c);
+    if (!status) status = measure_between(table, CHECK_STRIDE, y);
+    table->sigma_error = fmax(table->sigma_error, lost);
+    bool stays = is_last || table->sigma_error <= SIGMA_ERROR;
+    if (!status && stays && table->sigma_error > SIGMA_ERROR / 2)
+        status = measure_between(table, 1, y);
     free(y);
     return status;
 }
@@ -164,22 +202,47 @@ static bool agree_at_normal(const double *log_d, size_t n, size_t turns)
     return true;
 }
 
+static bool falls_to_nothing(const double *y, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (slope_log_is_zero(y[i])) return true;
+    return false;
+}
+
+/* log_q of a whole of 1.  Nodes of 0 stay: what falls to them has changed, by much less each time. */
+static facet_status normalise(facet_slope_table *table, const struct sizes *s, double *y,
+                              struct slope_sums *sums)
+{
+    struct kernel_table *view = &table->view;
+    const size_t n = s->n * s->turns;
+    facet_status status = tabulate_q(y, s, table->coefficients, &view->turned_q);
+    for (int pass = 0; !status; pass++) {
+        *sums = facet_slope_sums(view);
+        bool done = pass == PASSES_MAX || (pass > 0 && fabs(sums->mass - 1) <= MASS_ERROR);
+        if (done) break;
+        if (!facet_slope_normalise(sums->mass, y, n)) return FACET_BAD_TABLE;
+        status = tabulate_q(y, s, table->coefficients, &view->turned_q);
+        if (!falls_to_nothing(y, n)) break;
+    }
+    return status;
+}
+
 /* y: turns rows of n. */
 static facet_status fill(facet_slope_table *table, const struct sizes *s, double *y)
 {
     struct kernel_table *view = &table->view;
-    facet_status status = tabulate_q(y, s, table->coefficients, &view->turned_q);
+    struct slope_sums sums;
+    facet_status status = normalise(table, s, y, &sums);
     if (status) return status;
-    struct slope_sums sums = facet_slope_sums(view);
-    if (!facet_slope_normalise(sums.mass, y, s->n * s->turns)) return FACET_BAD_TABLE;
-    status = tabulate_q(y, s, table->coefficients, &view->turned_q);
-    if (status) return status;
+    const double mean = sums.mean / sums.mass;
+    if (view->slope_scale > FACET_TURNED_SCALE_FAR * mean) return FACET_BAD_TABLE;
     table->gain = sums.gain;
     table->quantile_gain = RAY_GAIN;
     double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
-    status = fill_psi(table, s->psi_cells, c);
-    bool again = table->sigma_error > SIGMA_ERROR && s->psi_cells_most > s->psi_cells;
-    if (!status && again) status = fill_psi(table, s->psi_cells_most, c);
+    const bool may_grow = s->psi_cells_most > s->psi_cells;
+    status = fill_psi(table, s->psi_cells, mean, !may_grow, c);
+    bool again = may_grow && table->sigma_error > SIGMA_ERROR;
+    if (!status && again) status = fill_psi(table, s->psi_cells_most, mean, true, c);
     if (!status) facet_slope_table_measure(table);
     return status;
 }

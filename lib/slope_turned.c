@@ -5,10 +5,14 @@
 
 #include <math.h>
 
-enum { POINTS_U = 4, POINTS_TURN = 3, PARTS_MAX = 64 };
-/* Variation of log_q on one part: its Gauss rules integrate exp over it to 1e-9 and 1e-8. */
+enum { POINTS_U = 8, POINTS_TURN = 3, PARTS_MAX = 64 };
+/*
+ * Variation of log_q on one part.  Over one that is straight 8 points integrate exp to rounding; they are
+ * as many for what bends within a cell, where nodes are few.  Of equal rows at 25 nodes the sum is
+ * that of the radial table to 3e-12; 4 points left 1e-6 at 4 nodes.
+ */
 #define VARIATION_U 1.0
-#define VARIATION_TURN 0.5
+#define VARIATION_TURN 0.25
 /* So far below the peak there is nothing to add. */
 #define NEGLIGIBLE 80.0
 enum { LOOKS = 3 };
@@ -71,17 +75,20 @@ static void measure_gain(struct plane *p, const struct patch *patch, size_t i)
     }
 }
 
-/* The integral of P along a line of one azimuth, cut into parts: P r dr = b^2 u (1 - u) exp(log_q)
- * du. */
-static double along_line(const struct plane *p, double u0, double du, size_t parts, double azimuth)
+/* The integrals along a line of one azimuth, cut into parts: P r dr = b^2 u (1 - u) exp(log_q) du. */
+static void add_line(struct plane *p, double u0, double du, size_t parts, double azimuth,
+                     double weight)
 {
-    double b = p->table->slope_scale, mass = 0;
+    double b = p->table->slope_scale, mass = 0, mean = 0;
     for (size_t m = 0; m < parts * POINTS_U; m++) {
         double u = u0 + du * ((double)(m / POINTS_U) + p->node_u[m % POINTS_U]);
-        mass += u * (1 - u) * p->weight_u[m % POINTS_U] *
-                exp(slope_sheet_at(p->table->turned_q, u, azimuth));
+        double ring = u * p->weight_u[m % POINTS_U] *
+                      exp(slope_sheet_at(p->table->turned_q, u, azimuth));
+        mass += ring * (1 - u);
+        mean += ring * u;
     }
-    return du * b * b * mass;
+    p->sums.mass += weight * du * b * b * mass;
+    p->sums.mean += weight * du * b * b * b * mean;
 }
 
 static void add_patch(struct plane *p, size_t i, size_t j)
@@ -95,8 +102,8 @@ static void add_patch(struct plane *p, size_t i, size_t j)
     for (size_t k = 0; k < patch.parts_turn * POINTS_TURN; k++) {
         double azimuth = (double)j / (double)sheet.turns +
                          da * ((double)(k / POINTS_TURN) + p->node_turn[k % POINTS_TURN]);
-        p->sums.mass += 2 * FACET_PI * da * p->weight_turn[k % POINTS_TURN] *
-                        along_line(p, (double)i / (double)sheet.cells, du, patch.parts_u, azimuth);
+        add_line(p, (double)i / (double)sheet.cells, du, patch.parts_u, azimuth,
+                 2 * FACET_PI * da * p->weight_turn[k % POINTS_TURN]);
     }
 }
 

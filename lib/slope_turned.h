@@ -9,7 +9,7 @@
 #include "kernel/kernels.h"
 
 struct slope_sums {
-    double mass; /* integral of P, which need not be 1 */
+    double mass, mean; /* integrals of P, which need not be 1, and of r P */
     double gain; /* largest derivative of log D by log tan theta or the azimuth, down to FACET_FLOOR
                     of its peak */
 };
@@ -18,13 +18,11 @@ struct slope_sums facet_slope_sums(const struct kernel_table *table);
 /*
  * psi(v) = E[max(x - v, 0)] of the component x along an azimuth, at v = scale u/(1 - u), u =
  * i/cells, i < cells: rows (even) of cells + 1, row j along the azimuth pi j/rows.  is_check: between
- * those, at u = (i + 1/2)/cells, i = 0, SLOPE_CHECK_STRIDE .., azimuth pi (j + 1/2)/rows, from
- * rays there, so that it errs otherwise.
+ * those, at u = (i + 1/2)/cells, i = 0, stride .., azimuth pi (j + 1/2)/rows, from rays there, so that it
+ * errs otherwise.
  */
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, double *psi);
-
-enum { SLOPE_CHECK_STRIDE = 3 };
+                                  bool is_check, size_t stride, double *psi);
 
 /* v psi(v) for v to infinity; azimuth in units of pi. */
 double facet_slope_psi_limit(const struct kernel_table *table, double azimuth);

@@ -1,6 +1,7 @@
 /* Tabulated slope distributions against closed forms and brute-force quadrature. */
 #include "check.h"
 #include "slope_pieces.h"
+#include "slope_sheet.h"
 #include "slope_table.h"
 #include "table_closed.h"
 
@@ -202,6 +203,59 @@ TEST(sigma_is_told_at_any_scale)
         if (scale >= 1) CHECK(table->sigma_error < 1e-9);
         if (scale >= 1) check_note("sigma", worst);
         facet_slope_table_destroy(table);
+    }
+}
+
+/* Equal rows are a radial table, whose sums are exact: smooth, ending at a cliff, with tails, narrow upon broad. */
+static double log_radial(int shape, double r)
+{
+    if (shape == 0) return fmax(2 * log1p(r * r) - r * r, -1e4);
+    if (shape == 1) return r <= .5 ? 0 : -1e4;
+    if (shape == 2) return 0; /* GGX */
+    double broad = -r * r, narrow = log(900) - 900 * r * r, most = fmax(broad, narrow);
+    return fmax(2 * log1p(r * r) + most + log1p(exp(-fabs(broad - narrow))), -1e4);
+}
+
+static double equal_rows(int shape, double scale, size_t n, facet_slope_table *table[2],
+                         facet_status *status)
+{
+    enum { TURNS = 6, NODES_MAX = 400 };
+    double log_d[TURNS * NODES_MAX];
+    for (size_t k = 0; k < TURNS * n; k++) {
+        double u = (double)(k % n) / (double)(n - 1);
+        log_d[k] = log_radial(shape, u < 1 ? scale * u / (1 - u) : 1e9);
+    }
+    CHECK_INT(facet_slope_table_create(scale, log_d, n, &table[0]), FACET_OK);
+    *status = facet_slope_table_create_turned(scale, log_d, n, TURNS, &table[1]);
+    return table[0] ? table[0]->pieces.piece[0].moment[0] : NAN; /* the mean slope */
+}
+
+/* Right to three times the error stated, as bounds count it; a scale too far out is refused. */
+TEST(sigma_of_rows_is_as_right_as_stated)
+{
+    static const double scales[] = {.01, .3, 1, 3, 10, 30, 100, 1e4};
+    static const size_t nodes[] = {4, 25, 91};
+    for (int k = 0; k < 4 * 3 * 8; k++) {
+        double scale = scales[k % 8], worst = 0, derivative;
+        facet_slope_table *table[2] = {NULL};
+        facet_status status;
+        double mean = equal_rows(k / 24, scale, nodes[k / 8 % 3], table, &status);
+        if (fabs(scale / mean / FACET_TURNED_SCALE_FAR - 1) > .01)
+            CHECK_INT(status, scale > FACET_TURNED_SCALE_FAR * mean ? FACET_BAD_TABLE : FACET_OK);
+        if (table[0] && table[1]) {
+            double apart = fabs(facet_slope_table_log_d(table[0], 0) -
+                                facet_slope_table_log_d_along(table[1], 0, .3));
+            for (double v = 1e-8; v < 1e4; v *= 1.1) {
+                double b = table[1]->view.psi_scale, w = b / (b + v);
+                double exact = facet_slope_pieces_psi(&table[0]->pieces, v, &derivative);
+                double got = b * w * exp(slope_log_psi_at(&table[1]->view, 1 - w, .3));
+                worst = check_worse(worst, fabs(got - exact) / (v + exact));
+            }
+            CHECK(apart <= (nodes[k / 8 % 3] < 25 ? 1e-8 : 1e-11)); /* both integrate to 1 */
+            CHECK(worst <= 3 * table[1]->sigma_error + 1e-8);
+            check_note("D", apart);
+        }
+        for (int i = 0; i < 2; i++) facet_slope_table_destroy(table[i]);
     }
 }
 
