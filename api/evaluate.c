@@ -78,10 +78,10 @@ static bool bound_of(const void *job_, facet_tier tier, double *bound)
         double b;
         if (!api_is_asked(job, q)) continue;
         if (!kernel_bound(job, tier, (facet_quantity)q, &b)) return false;
-        b += job->surface.parameter_error + api_surface_error(&job->surface);
-        if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
-        b += facet_depth_error(job->surface.brdf, tier, (facet_quantity)q, job->evaluation->sampler,
+        b += job->surface.parameter_error + api_surface_error(&job->surface) +
+             facet_depth_error(job->surface.brdf, tier, (facet_quantity)q, job->evaluation->sampler,
                                &job->depth);
+        if (q == FACET_FR || q == FACET_FR_COS || q == FACET_G) b *= job->condition;
         if (b > *bound) *bound = b;
     }
     if (!are_floats(job)) *bound = api_represented(&job->evaluation->representation, *bound);

@@ -104,7 +104,7 @@ double facet_albedo_evaluation_bound(const struct albedo_material *a)
         return INFINITY;
     double behind = facet_depth_error(a->brdf, FACET_PRECISE, FACET_FR_COS, FACET_SAMPLER_AUTO,
                                       &a->depth);
-    return fr_cos * a->condition + behind + d + p + 32 * DBL_EPSILON;
+    return (fr_cos + behind) * a->condition + d + p + 32 * DBL_EPSILON;
 }
 
 facet_status facet_albedo_ask(struct albedo_material *a)
