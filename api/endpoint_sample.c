@@ -86,17 +86,17 @@ static const struct field response_fields[] = {
      OF(WI),
      .width = 3,
      .doc =
-         "sampled directions, as JSON with 7 digits or more, which keep their length 1; their floor is direction_floor"},
-    {.name = "weight",
-     OF(WEIGHT),
-     .doc = "fr cos(theta_i) / pdf at the wi returned; 0 below the horizon"},
+         "sampled directions, as JSON with 7 digits or more, which keep their length 1; their floor is "
+         "direction_floor, and weight and pdf are those of wi before it was rounded to its digits, which a "
+         "narrow lobe tells apart"},
+    {.name = "weight", OF(WEIGHT), .doc = "fr cos(theta_i) / pdf; 0 below the horizon"},
     {.name = "pdf", OF(PDF), .width = 1, .doc = "density of wi, per steradian"},
     {.name = "h", OF(H), .width = 3, .doc = "sampled micronormals; their floor is direction_floor"},
     {.name = "solid_angle",
      OF(SOLID_ANGLE),
      .width = 1,
      .doc =
-         "steradians of wi that the sample stands for, at the wi returned: 4 (wo.h) cos^3(theta_h) A with "
+         "steradians of wi that the sample stands for: 4 (wo.h) cos^3(theta_h) A with "
          "A = pi max(alpha_1, alpha_2)^2/N, N samples per wo; 1/(N pdf) is what samples take on average"},
     COUNT_FIELD(struct sample_response),
     {MEMBER(struct sample_response, wasted), FIELD_INTEGER, FIELD_MUST, .min = 0, .max = 0x1p53,
