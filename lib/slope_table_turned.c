@@ -23,7 +23,7 @@
 /* So far above the largest of log_psi is what its sheet counts from. */
 #define PSI_BELOW_TOP 2.0
 /* A table is normalised to this, in so many passes at most. */
-#define MASS_ERROR 1e-13
+#define MASS_ERROR 1e-12
 #define PASSES_MAX 3
 /* Between the nodes its error is measured in one cell of so many. */
 #define CHECK_STRIDE 3

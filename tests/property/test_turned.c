@@ -438,7 +438,7 @@ TEST(wild_tables_answer_numbers)
 {
     struct rng rng;
     rng_seed(&rng, 9);
-    for (size_t round_ = draw_count(40); round_--;) {
+    for (size_t round_ = draw_count(12); round_--;) {
         enum { N = 12, TURNS = 7 };
         double log_d[TURNS][N];
         for (int k = 0; k < TURNS * N; k++) {

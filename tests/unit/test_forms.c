@@ -1,5 +1,6 @@
 /* Ellipses and moments as doubles: what is written is read again, and differs by what is said. */
 #include "check.h"
+#include "draw.h"
 #include "facet_forms.h"
 
 #include <math.h>
@@ -65,7 +66,7 @@ TEST(an_ellipse_that_is_written_is_read)
 {
     struct rng rng;
     rng_seed(&rng, 41);
-    for (int i = 0; i < 20000; i++) {
+    for (size_t i = draw_count(4000); i--;) {
         const facet_roughness r = draw(&rng);
         const facet_ellipse exact = facet_roughness_to_ellipse(&r);
         facet_ellipse e;
@@ -87,7 +88,7 @@ TEST(moments_that_are_written_are_read)
 {
     struct rng rng;
     rng_seed(&rng, 42);
-    for (int i = 0; i < 20000; i++) {
+    for (size_t i = draw_count(4000); i--;) {
         const facet_roughness r = draw(&rng);
         facet_moments m;
         facet_roughness back;

@@ -345,7 +345,8 @@ TEST(a_failed_allocation_in_a_fit_of_rows)
     size_t count = 0;
     struct answer warm = ask("GET", "/healthz", NULL);
     answer_clear(&warm);
-    for (size_t k = 0; k < 3 && list && known; k++) {
+    const size_t fits = SANITIZED ? 2 : 3; /* the last takes a minute there */
+    for (size_t k = 0; k < fits && list && known; k++) {
         const struct endpoint endpoint = {
             .method = "POST", .path = "/v1/fit", .example = bodies[k]};
         size_t before = count;
