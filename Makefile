@@ -72,10 +72,12 @@ LDLIBS_test_router := -lz
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc
 
-# Tests of dirs in PER_ISA run once per instruction set, the others once.
+# Tests of dirs in PER_ISA run once per instruction set, the others once; so do those of what tables are made and
+# sampled by, which is scalar (that every set evaluates what is in them is accuracy/test_tables).
 PER_ISA := tests/property tests/accuracy tests/extremes
-TESTS_ISA  := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard $(addsuffix /test_*.c,$(PER_ISA))))
-TESTS_ONCE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/unit/test_*.c))
+SCALAR  := $(addprefix tests/property/test_,table_sample.c turned.c turned_sample.c)
+TESTS_ISA  := $(patsubst tests/%.c,$(B)/tests/%,$(filter-out $(SCALAR),$(wildcard $(addsuffix /test_*.c,$(PER_ISA)))))
+TESTS_ONCE := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/unit/test_*.c) $(SCALAR))
 # tests/server: a test program that talks to the daemon, built once with the API and once with a
 # stand-in (fake_api.c) whose requests take exactly as long as a test says.
 TESTS_SERVER := $(patsubst tests/%.c,$(B)/tests/%,$(wildcard tests/server/test_*.c))

@@ -315,7 +315,7 @@ TEST(any_table_any_view_any_u)
     static const double ends[] = {0, 0x1p-53, 0x1p-1074, 0.5, 1 - 0x1p-53};
     static double o[3][N], wi[3][N], h[3][N], pdf[N], weight[N], u[2][N];
     struct rng rng;
-    size_t rounds = draw_count(100), ran = 0;
+    size_t rounds = draw_count(40), ran = 0;
     rng_seed(&rng, 77);
     for (size_t round = 0; round < rounds; round++) {
         double scale;

@@ -236,8 +236,8 @@ TEST(sigma_of_rows_is_as_right_as_stated)
 {
     static const double scales[] = {.01, .3, 1, 3, 10, 30, 100, 1e4};
     static const size_t nodes[] = {4, 25, 91};
-    /* One of five, which meets each shape, scale and number of nodes; all of them in a longer run. */
-    size_t step = draw_count(1) > 1 ? 1 : 5;
+    /* One of eleven, which meets each shape, scale and number of nodes; all of them in a longer run. */
+    size_t step = draw_count(1) > 1 ? 1 : 11;
     for (size_t k = 0; k < 4 * 3 * 8; k += step) {
         double scale = scales[k % 8], worst = 0, derivative;
         facet_slope_table *table[2] = {NULL};
