@@ -291,7 +291,10 @@ demo: all ## send real data to every endpoint of a daemon of its own
 
 # A thousand million calls at the extremes, a million pairs through the public door.
 SOAK := $(B)/tests/extremes/test_many $(B)/tests/accuracy/test_answers
-soak: $(SOAK) $(B)/tests/property/test_energy ## the tests of extremes and of answered bounds, a hundred times as long, and chi2
+# Of tables all that the short forms leave out.
+SOAK_TABLES := $(addprefix $(B)/tests/,unit/test_slope_table unit/test_memory $(patsubst tests/%.c,%,$(SCALAR)))
+soak: $(SOAK) $(SOAK_TABLES) $(B)/tests/property/test_energy ## the tests of extremes and of answered bounds, a hundred times as long, tables in full, and chi2
+	@for t in $(SOAK_TABLES); do FACET_TEST_SCALE=3 $$t || exit 1; done
 	@for t in $(SOAK); do for i in $(ISAS); do FACET_TEST_SCALE=100 FACET_ISA=$$i $$t || exit 1; done; done
 	@FACET_TEST_SCALE=140 $(B)/tests/property/test_energy weights_never_exceed_fresnel # 1e7 configurations
 	@$(MAKE) -s --no-print-directory chi2

@@ -1,14 +1,13 @@
 #include "material.h"
 
 #include "facet_forms.h"
-#include "facet_table.h"
 #include "lambert.h"
 #include "limits.h"
+#include "material_slopes.h"
 #include "transmission.h"
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 const char *const api_ndf_names[] = {"ggx", "beckmann", "tabulated", "lambert", NULL};
@@ -59,31 +58,6 @@ static bool check_table(void *object, const struct place *place, struct decoder 
     if (table->values.rows != table->cos_theta_d.count)
         return api_problem_at(decoder->problem, &values, "has %zu elements, cos_theta_d has %zu",
                               table->values.rows, table->cos_theta_d.count);
-    return true;
-}
-
-/* Of slopes over the azimuth; field tables know one dimension. */
-static bool check_slopes(void *object, const struct place *place, struct decoder *decoder)
-{
-    const struct matrix *m = &((const struct slopes *)object)->log_D;
-    struct place nodes = {place, "log_D", 0};
-    if (m->columns == 1) return true;
-    if (m->rows < FACET_TABLE_TURNS_MIN || m->rows > LIMIT_TABLE_AZIMUTHS)
-        return api_problem_at(decoder->problem, &nodes, "has %zu rows, must have between %d and %d",
-                              m->rows, FACET_TABLE_TURNS_MIN, LIMIT_TABLE_AZIMUTHS);
-    if (m->columns < FACET_TABLE_NODES_MIN || m->columns > LIMIT_TABLE_ROWS_NODES / m->rows)
-        return api_problem_at(decoder->problem, &nodes,
-                              "has %zu rows of %zu nodes; such rows must have between %d and %zu",
-                              m->rows, m->columns, FACET_TABLE_NODES_MIN,
-                              LIMIT_TABLE_ROWS_NODES / m->rows);
-    for (size_t j = 1; j < m->rows; j++) {
-        struct place row = {&nodes, NULL, j}, first = {&row, NULL, 0};
-        if (m->values[j * m->columns] != m->values[0])
-            return api_problem_at(
-                decoder->problem, &first,
-                "%.17g is not %.17g: the rows meet at theta = 0, and must agree there",
-                m->values[j * m->columns], m->values[0]);
-    }
     return true;
 }
 
@@ -143,21 +117,6 @@ static const struct field fresnel_forms[] = {
     {0},
 };
 
-static const struct field slopes_fields[] = {
-    {MEMBER(struct slopes, scale), FIELD_NUMBER, FIELD_MUST, .min = FACET_ALPHA_MIN,
-     .max = FACET_ALPHA_MAX,
-     .doc =
-         "the nodes are uniform in u = tan theta / (scale + tan theta), 0 to 1; of rows at most 64 "
-         "mean slopes"},
-    {MEMBER(struct slopes, log_D), FIELD_MATRIX, FIELD_MUST, .min = -1e4, .max = 1e3,
-     .min_items = FACET_TABLE_NODES_MIN, .max_items = LIMIT_TABLE_NODES, .width = 1,
-     .doc =
-         "log of the normal distribution at the nodes; -700 and below count as D = 0. Rows of nodes: row j of m at "
-         "azimuth pi j/m of the normal, and of its opposite, in the slopes that the roughness stretches; all rows "
-         "begin with the same number, and there is no mean_slope"},
-    {0},
-};
-
 #define ALPHA .min = FACET_ALPHA_MIN, .max = FACET_ALPHA_MAX
 #define AXIS .min = FACET_AXIS_MIN, .max = FACET_AXIS_MAX
 #define M(member) MEMBER(struct material, member)
@@ -165,8 +124,9 @@ static const struct field slopes_fields[] = {
 const struct field api_material_fields[] = {
     {M(ndf), FIELD_ENUM, FIELD_DEFAULT, .names = api_ndf_names,
      .doc = "distribution of slopes; lambert has none"},
-    {M(slopes), FIELD_OPTION, .fields = slopes_fields, .size = sizeof(struct slopes),
-     .check = check_slopes, .doc = "the table of a tabulated distribution, as a fit returns it"},
+    {M(slopes), FIELD_OPTION, .fields = api_slopes_fields, .size = sizeof(struct slopes),
+     .check = api_slopes_check,
+     .doc = "the table of a tabulated distribution, as a fit returns it"},
     {M(alpha), FIELD_NUMBER, ALPHA, .doc = "isotropic roughness; 1 for tabulated by default"},
     {M(alpha_x), FIELD_NUMBER, ALPHA, .doc = "roughness along x, with alpha_y"},
     {M(alpha_y), FIELD_NUMBER, ALPHA, .doc = "roughness along y, with alpha_x"},
@@ -422,49 +382,9 @@ static bool open_fresnel(const struct fresnel *in, struct decoder *decoder, face
 
 /* ---- Open ----------------------------------------------------------------------------------- */
 
-static void destroy_table(void *table)
-{
-    facet_slope_table_destroy(table);
-}
-
 static void destroy_brdf(void *brdf)
 {
     facet_brdf_destroy(brdf);
-}
-
-/* Each number has been checked, what is left is their integral. */
-static bool refuse_slopes(const struct slopes *slopes, const struct place *at,
-                          struct decoder *decoder)
-{
-    const struct matrix *m = &slopes->log_D;
-    double most = -INFINITY, least_mean = slopes->scale / FACET_TURNED_SCALE_FAR;
-    char far[160] = "";
-    for (size_t i = 0; i < m->rows * m->columns; i++) most = fmax(most, m->values[i]);
-    if (m->columns > 1)
-        snprintf(far, sizeof far, ", or the mean slope of its rows is below %.6g, scale %.6g / %d",
-                 least_mean, slopes->scale, FACET_TURNED_SCALE_FAR);
-    return api_problem_at(
-        decoder->problem, at,
-        "log_D describes no surface: D is 0 at all slopes (-700 and below count as 0), or too large to "
-        "be normalised%s; the largest log_D is %.6g, and a constant added to all changes nothing",
-        far, most);
-}
-
-static bool open_slopes(const struct slopes *slopes, const struct place *place,
-                        struct decoder *decoder, facet_material *material)
-{
-    facet_slope_table *table;
-    struct place at = {place, "slopes", 0};
-    const struct matrix *m = &slopes->log_D;
-    facet_status status = m->columns > 1
-                              ? facet_slope_table_create_turned(slopes->scale, m->values,
-                                                                m->columns, m->rows, &table)
-                              : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
-    if (status == FACET_BAD_TABLE) return refuse_slopes(slopes, &at, decoder);
-    if (status) return api_problem_status(decoder->problem, status, &at);
-    material->table = table;
-    return api_arena_defer(decoder->arena, destroy_table, table) ||
-           api_problem_memory(decoder->problem);
 }
 
 /* A coloured diffuse part makes a specular one of one channel into three alike. */
@@ -499,7 +419,7 @@ bool api_material_open(const struct material *material, const struct place *plac
     facet->shear = (facet_shear)material->shear;
     if (!open_roughness(material, place, decoder, surface)) return false;
     if (!open_fresnel(&material->fresnel, decoder, &facet->fresnel)) return false;
-    if (material->slopes && !open_slopes(material->slopes, place, decoder, facet)) return false;
+    if (material->slopes && !api_slopes_open(material->slopes, place, decoder, facet)) return false;
     open_diffuse(material, surface);
     surface->channels = facet->fresnel.channels;
     facet_status status = facet_brdf_create(facet, &surface->brdf);

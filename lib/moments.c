@@ -148,12 +148,12 @@ facet_covariance facet_covariance_transform(const facet_covariance *c, double be
 bool facet_moments_readable(const facet_roughness *r, facet_moments *m, double *difference)
 {
     facet_roughness inside = *r, back;
-    for (double by = DBL_EPSILON; by < NEAR; by *= 2) {
+    for (double by = DBL_EPSILON; by < FORM_NEAR; by *= 2) {
         *m = facet_moments_from_roughness(&inside);
         const facet_covariance c = facet_covariance_from_moments(m);
         if (!facet_roughness_from_covariance(&c, m->e1, m->e2, &back)) {
             *difference = facet_roughness_difference(r, &back);
-            return *difference <= NEAR;
+            return *difference <= FORM_NEAR;
         }
         inside = facet_roughness_inside(r, by);
     }

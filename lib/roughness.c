@@ -223,11 +223,11 @@ facet_roughness facet_roughness_inside(const facet_roughness *r, double by)
 bool facet_ellipse_readable(const facet_roughness *r, facet_ellipse *e, double *difference)
 {
     facet_roughness inside = *r, back;
-    for (double by = DBL_EPSILON; by < NEAR; by *= 2) {
+    for (double by = DBL_EPSILON; by < FORM_NEAR; by *= 2) {
         *e = facet_roughness_to_ellipse(&inside);
         if (!facet_roughness_from_ellipse(e, r->slope_x, r->slope_y, &back)) {
             *difference = facet_roughness_difference(r, &back);
-            return *difference <= NEAR;
+            return *difference <= FORM_NEAR;
         }
         inside = facet_roughness_inside(r, by);
     }

@@ -20,6 +20,6 @@ struct roughness_form facet_roughness_form(const facet_roughness *roughness);
 /* A roughness in range, `by` inside of every end of the ranges; the variance that rho leaves by 4 `by`. */
 facet_roughness facet_roughness_inside(const facet_roughness *roughness, double by);
 /* A form of a roughness that differs by more does not hold it. */
-#define NEAR 0.1
+#define FORM_NEAR 0.1
 
 #endif

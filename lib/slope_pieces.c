@@ -15,6 +15,8 @@
 #define ROUNDED 1e-18
 /* Variation of log_q on one piece: 8 Gauss points integrate exp over it to 2e-15. */
 #define VARIATION_MAX 3.0
+/* And its length in u: with few nodes log_q bends within a cell (3e-10 of the whole at 4 nodes). */
+#define LENGTH_MAX (1.0 / 32)
 
 /* (scale/r)^46 of rings nearer to 0 than this times scale could overflow; no v > 0 is asked for
  * there. */
@@ -61,7 +63,8 @@ static bool is_short(const struct cutter *cutter, size_t cell, double u0, double
         low = fmin(low, y);
         high = fmax(high, y);
     }
-    return high < cutter->peak - NEGLIGIBLE || high - low <= VARIATION_MAX;
+    return high < cutter->peak - NEGLIGIBLE ||
+           (high - low <= VARIATION_MAX && u1 - u0 <= LENGTH_MAX);
 }
 
 static bool cut_cell(struct cutter *cutter, size_t cell)

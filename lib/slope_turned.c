@@ -9,7 +9,7 @@ enum { POINTS_U = 8, POINTS_TURN = 6, PARTS_U_MAX = 64, PARTS_TURN_MAX = 32 };
 /*
  * Variation of log_q on one part.  Over one that is straight 8 points integrate exp to rounding; they are
  * as many for what bends within a cell, where nodes are few.  Of equal rows at 25 nodes the sum is
- * that of the radial table to 3e-12; 4 points left 1e-6 at 4 nodes.  Along the azimuth 6 points leave 1e-11.
+ * that of the radial table to 3e-12; 4 points left 1e-6 at 4 nodes.  Of ellipses, 1e-12.
  */
 #define VARIATION_U 1.0
 #define VARIATION_TURN 2.5
