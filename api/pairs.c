@@ -4,6 +4,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 const char *const api_pairing_names[] = {"each", "outer", NULL};
 
@@ -65,13 +66,20 @@ bool api_pairs(const struct pair_request *request, struct decoder *decoder, stru
                        decoder->problem, &pairs->pairing);
 }
 
+/* n > 0 numbers of so many bytes equal to the first: twice as many each time, by the vector. */
+static void repeat_first(void *numbers, size_t size, size_t n)
+{
+    for (size_t done = 1, some; done < n; done += some) {
+        some = n - done < done ? n - done : done;
+        memcpy((char *)numbers + done * size, numbers, some * size);
+    }
+}
+
 static void repeat(const struct plan *plan, size_t index, size_t start, size_t n,
                    double *const out[3])
 {
-    double v[3];
-    api_plan_fill(plan, index, 1, &v[0], &v[1], &v[2]);
-    for (int k = 0; k < 3; k++)
-        for (size_t i = start; i < start + n; i++) out[k][i] = v[k];
+    api_plan_fill(plan, index, 1, out[0] + start, out[1] + start, out[2] + start);
+    for (int k = 0; k < 3; k++) repeat_first(out[k] + start, sizeof *out[k], n);
 }
 
 void api_pairing_fill(const struct pairing *p, bool is_first, const struct plan *plan, size_t start,
@@ -153,7 +161,6 @@ void api_pairs_fill_floats(const struct pairs *pairs, size_t start, size_t n, bo
         bool shared = is_shared(pairs, !side);
         if (again && shared) continue;
         api_plan_fill_floats(plan, shared ? 0 : start, shared ? 1 : n, v[0], v[1], v[2]);
-        for (size_t i = 1; shared && i < n; i++)
-            for (int k = 0; k < 3; k++) v[k][i] = v[k][0];
+        for (int k = 0; k < 3 && shared; k++) repeat_first(v[k], sizeof *v[k], n);
     }
 }

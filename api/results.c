@@ -70,26 +70,23 @@ static char *write_rounded(size_t width, double *const columns[], size_t n, char
     return p + n * width * sizeof(float);
 }
 
-char *api_results_write(const struct results *r, double *const columns[], size_t n, bool is_first,
-                        char *p)
+bool api_floats_are_sound(const void *floats, size_t n)
 {
-    if (r->format == RESULTS_JSON) return write_json(r, columns, n, is_first, p);
-    if (r->format == RESULTS_FLOAT32) return write_rounded(r->width, columns, n, p);
-    return write_doubles(r->width, columns, n, p);
-}
-
-bool api_floats_are_sound(const float *values, size_t n)
-{
+    const char *p = floats;
     const float4 most = {FLT_MAX, FLT_MAX, FLT_MAX, FLT_MAX};
     int4 good = {-1, -1, -1, -1};
     bool rest = true;
     size_t i = 0;
     for (; i + 4 <= n; i += 4) {
         float4 v;
-        memcpy(&v, values + i, sizeof v);
+        memcpy(&v, p + i * sizeof(float), sizeof v);
         good &= (v < most) & (v > -most);
     }
-    for (; i < n; i++) rest &= fabsf(values[i]) < FLT_MAX;
+    for (; i < n; i++) {
+        float x;
+        memcpy(&x, p + i * sizeof x, sizeof x);
+        rest &= fabsf(x) < FLT_MAX;
+    }
     return rest & !!(good[0] & good[1] & good[2] & good[3]);
 }
 
@@ -122,8 +119,8 @@ static bool all_below(const struct results *r, double *const columns[], size_t n
     return rest & !!(good[0] & good[1] & good[2] & good[3]);
 }
 
-enum results_fault api_results_fault(const struct results *r, double *const columns[], size_t n,
-                                     size_t *at)
+static enum results_fault fault_of(const struct results *r, double *const columns[], size_t n,
+                                   size_t *at)
 {
     double max = r->format == RESULTS_FLOAT32 ? float_max : DBL_MAX;
     if (all_below(r, columns, n, max)) return RESULTS_SOUND;
@@ -136,22 +133,37 @@ enum results_fault api_results_fault(const struct results *r, double *const colu
     return RESULTS_SOUND;
 }
 
+enum results_fault api_results_put(const struct results *r, double *const columns[], size_t n,
+                                   bool is_first, char **p, size_t *at)
+{
+    char *begin = *p;
+    if (r->format == RESULTS_FLOAT32) {
+        /* Looked at as they are written: half as many bytes. */
+        *p = write_rounded(r->width, columns, n, begin);
+        if (api_floats_are_sound(begin, n * r->width)) return RESULTS_SOUND;
+    }
+    enum results_fault fault = fault_of(r, columns, n, at);
+    if (fault == RESULTS_SOUND && r->format == RESULTS_JSON)
+        *p = write_json(r, columns, n, is_first, begin);
+    else if (fault == RESULTS_SOUND && r->format == RESULTS_FLOAT64)
+        *p = write_doubles(r->width, columns, n, begin);
+    return fault;
+}
+
 bool api_results_add(struct results *r, double *const columns[], size_t n)
 {
-    size_t at = 0;
-    r->fault = api_results_fault(r, columns, n, &at);
-    r->count += at;
-    if (r->fault != RESULTS_SOUND) return false;
     for (size_t i = 0, some; i < n; i += some) {
         some = n - i < BLOCK ? n - i : BLOCK;
         double *here[3];
+        size_t at = 0;
         for (size_t k = 0; k < r->width; k++) here[k] = columns[k] + i;
-        char *begin = api_text_reserve(&r->text, api_results_room(r, some));
+        char *begin = api_text_reserve(&r->text, api_results_room(r, some)), *end = begin;
         if (!begin) return true; /* the text remembers */
-        char *end = api_results_write(r, here, some, !r->count && !i, begin);
+        r->fault = api_results_put(r, here, some, !r->count, &end, &at);
+        r->count += r->fault == RESULTS_SOUND ? some : at;
+        if (r->fault != RESULTS_SOUND) return false;
         api_text_commit(&r->text, (size_t)(end - begin));
     }
-    r->count += n;
     return true;
 }
 

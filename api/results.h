@@ -39,17 +39,15 @@ bool api_results_add(struct results *results, double *const columns[], size_t n)
 void api_results_close(struct results *results);
 
 /*
- * The same in parts, into bytes that others join: what is wrong with n elements, the first of them
- * that is then `at`; bytes that so many take at most; and n elements written, their end.  is_first:
- * they open the array.
+ * The same in parts, into bytes that others join: bytes that n elements take at most; and n elements
+ * written to *p, which moves to their end, or what is wrong with the first of them that is then `at`.
+ * is_first: they open the array.
  */
-enum results_fault api_results_fault(const struct results *results, double *const columns[],
-                                     size_t n, size_t *at);
 size_t api_results_room(const struct results *results, size_t n);
-char *api_results_write(const struct results *results, double *const columns[], size_t n,
-                        bool is_first, char *p);
+enum results_fault api_results_put(const struct results *results, double *const columns[], size_t n,
+                                   bool is_first, char **p, size_t *at);
 /* Of FLOAT32, from floats; and whether none of them has saturated or is no number. */
-bool api_floats_are_sound(const float *values, size_t n);
+bool api_floats_are_sound(const void *floats, size_t n);
 char *api_results_write_floats(size_t width, float *const columns[], size_t n, char *p);
 
 #endif

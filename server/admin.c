@@ -19,7 +19,7 @@
 #include <unistd.h>
 
 enum { TICK_MS = 250, CONNECTIONS = 64, SECONDS = 5 };
-enum { POLL_HTTP, POLL_STOP, POLL_LISTEN };
+enum { POLL_HTTP, POLL_STOP = POLL_HTTP + HTTP_SIDES, POLL_LISTEN };
 
 struct admin {
     struct options options; /* of the daemon, with times that suit probes */
@@ -34,7 +34,7 @@ struct admin {
 static bool turn(struct admin *admin, int64_t *tick_us)
 {
     struct pollfd fds[POLL_LISTEN + LISTEN_MAX];
-    fds[POLL_HTTP] = (struct pollfd){.fd = http_fd(admin->http), .events = POLLIN};
+    http_poll(admin->http, fds + POLL_HTTP);
     fds[POLL_STOP] = (struct pollfd){.fd = admin->stop_fd, .events = POLLIN};
     size_t listening = accept_watch(&admin->acceptor, fds + POLL_LISTEN);
     int ms = http_timeout_ms(admin->http);
@@ -46,7 +46,7 @@ static bool turn(struct admin *admin, int64_t *tick_us)
     }
     if (fds[POLL_STOP].revents) return false;
     accept_watched(&admin->acceptor, fds + POLL_LISTEN, listening);
-    http_turn(admin->http);
+    http_turn(admin->http, fds + POLL_HTTP);
     int64_t now = clock_us();
     if (now < *tick_us) return true;
     *tick_us = now + TICK_MS * 1000;

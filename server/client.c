@@ -1,6 +1,5 @@
 #include "client.h"
 
-#include "clock.h"
 #include "metrics.h"
 
 #include <netinet/in.h>
@@ -23,9 +22,10 @@ bool client_has_address(const struct client *client)
     return memcmp(client->address, none, sizeof none) != 0;
 }
 
-void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us)
+void client_extend(struct client *client, int64_t now_us, size_t bytes, long min_rate,
+                   int64_t grace_us)
 {
-    int64_t latest = clock_us() + grace_us;
+    int64_t latest = now_us + grace_us;
     double bought = 1e6 * (double)bytes / (double)min_rate;
     if (client->deadline_us > latest || bought >= (double)(latest - client->deadline_us))
         client->deadline_us = latest;

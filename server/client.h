@@ -42,7 +42,8 @@ void client_set_address(struct client *client, const struct sockaddr *address);
 bool client_has_address(const struct client *client);
 
 /* A token bucket: each piece of an upload buys time at `min_rate`, up to `grace_us` from now. */
-void client_extend(struct client *client, size_t bytes, long min_rate, int64_t grace_us);
+void client_extend(struct client *client, int64_t now_us, size_t bytes, long min_rate,
+                   int64_t grace_us);
 
 /* Ends the connection; `tell`: with a 408 before, if a request is half here. */
 void client_cut(struct client *client, bool tell);

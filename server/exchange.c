@@ -171,7 +171,8 @@ static enum MHD_Result collect(struct http *http, struct client *client, const c
     struct request *request = &client->request;
     http->received = true;
     if (client->phase == CLIENT_DROP) return MHD_YES;
-    client_extend(client, size, http->options->min_rate, seconds(http->options->header_timeout));
+    client_extend(client, http->now_us, size, http->options->min_rate,
+                  seconds(http->options->header_timeout));
     switch (request_add_body(request, data, size, &http->budget)) {
     case BODY_OK: return MHD_YES;
     case BODY_TOO_LARGE: refuse_size(request); break;

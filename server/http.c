@@ -1,4 +1,4 @@
-#define _GNU_SOURCE /* EPOLLRDHUP */
+#define _GNU_SOURCE /* EPOLLRDHUP, strcasestr */
 #include "exchange.h"
 
 #include "clock.h"
@@ -6,12 +6,17 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/epoll.h>
 #include <sys/random.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { MEMORY_INCREMENT = 8192 };
+enum {
+    MEMORY_INCREMENT = 8192,
+    UPLOAD_MEMORY = 131072, /* half of it read at a time: more gains little */
+    UPLOADS_MAX = 256       /* connections that may have it */
+};
 
 /*
  * 0.9.75: our own look at the head (head.c) is stricter than its strictness, and answers with a
@@ -96,26 +101,45 @@ void http_reap(struct http *http)
     }
 }
 
-int http_fd(const struct http *http)
+void http_poll(const struct http *http, struct pollfd fds[HTTP_SIDES])
 {
-    return http->epoll_fd;
+    for (int i = 0; i < HTTP_SIDES; i++)
+        fds[i] = (struct pollfd){.fd = http->epoll_fds[i],
+                                 .events = POLLIN}; /* -1: poll skips it */
+}
+
+/* Of one of the two. */
+static int wait_ms(struct MHD_Daemon *daemon)
+{
+    MHD_UNSIGNED_LONG_LONG ms;
+    if (!daemon || MHD_get_timeout(daemon, &ms) != MHD_YES) return -1;
+    return ms < 60000 ? (int)ms : 60000;
 }
 
 int http_timeout_ms(const struct http *http)
 {
-    MHD_UNSIGNED_LONG_LONG ms;
-    if (MHD_get_timeout(http->daemon, &ms) != MHD_YES) return -1;
-    return ms < 60000 ? (int)ms : 60000;
+    int plain = wait_ms(http->daemons[HTTP_PLAIN]), uploads = wait_ms(http->daemons[HTTP_UPLOADS]);
+    return plain < 0 || (uploads >= 0 && uploads < plain) ? uploads : plain;
 }
 
-void http_turn(struct http *http)
+static void run(struct http *http, struct MHD_Daemon *daemon)
 {
     enum { UPLOAD_RUNS = 8 }; /* more of an upload is there, as a rule: look before polling again */
-    http->now_us = clock_us();
     for (int i = 0; i < UPLOAD_RUNS; i++) {
         http->received = false;
-        MHD_run(http->daemon);
+        MHD_run(daemon);
         if (!http->received) break;
+    }
+}
+
+void http_turn(struct http *http, const struct pollfd fds[HTTP_SIDES])
+{
+    bool all = http->stirred;
+    http->stirred = false;
+    http->now_us = clock_us();
+    for (int i = 0; i < HTTP_SIDES; i++) {
+        struct MHD_Daemon *daemon = http->daemons[i];
+        if (daemon && (all || fds[i].revents || !wait_ms(daemon))) run(http, daemon);
     }
 }
 
@@ -124,10 +148,33 @@ bool http_is_full(const struct http *http)
     return http->client_count >= http->config.max_connections;
 }
 
+/* Whether what has come begins a request with a large body.  Nothing but speed hangs on it. */
+static bool brings_much(int fd)
+{
+    enum { PEEK = 2048, MUCH = 65536 };
+    static const char name[] = "\nContent-Length:";
+    char head[PEEK];
+    ssize_t n = recv(fd, head, sizeof head - 1, MSG_PEEK | MSG_DONTWAIT);
+    if (n <= 0) return false;
+    head[n] = 0;
+    const char *length = strcasestr(head, name);
+    return length && strtoull(length + sizeof name - 1, NULL, 10) >= MUCH;
+}
+
+static enum http_side side_of(const struct http *http, int fd)
+{
+    struct MHD_Daemon *uploads = http->daemons[HTTP_UPLOADS];
+    if (!uploads || !brings_much(fd)) return HTTP_PLAIN;
+    const union MHD_DaemonInfo *count = MHD_get_daemon_info(uploads,
+                                                            MHD_DAEMON_INFO_CURRENT_CONNECTIONS);
+    return count && count->num_connections < UPLOADS_MAX ? HTTP_UPLOADS : HTTP_PLAIN;
+}
+
 void http_add(struct http *http, int fd, const struct sockaddr *peer, socklen_t length)
 {
+    http->stirred = true;
     /* It closes the socket when it fails, for want of memory or a descriptor. */
-    if (MHD_add_connection(http->daemon, fd, peer, length) == MHD_YES)
+    if (MHD_add_connection(http->daemons[side_of(http, fd)], fd, peer, length) == MHD_YES)
         metrics_add(METRIC_CONNECTIONS_TOTAL, 1);
 }
 
@@ -152,29 +199,39 @@ static void on_panic(void *user, const char *file, unsigned line, const char *re
     _exit(70); /* EX_SOFTWARE */
 }
 
-static bool start_daemon(struct http *http)
+static bool start_daemon(struct http *http, enum http_side side, size_t memory, size_t connections)
 {
     enum {
         SLACK = 64, /* closed connections that libmicrohttpd still counts */
         LATER_S = 5 /* its own timeout, which counts nothing, is there should http_reap fail */
     };
     const struct options *options = http->options;
-    MHD_set_panic_func(on_panic, NULL);
-    http->daemon = MHD_start_daemon(
+    struct MHD_Daemon *daemon = MHD_start_daemon(
         MHD_USE_EPOLL | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_NO_LISTEN_SOCKET, 0, NULL,
-        NULL, exchange_step, http, MHD_OPTION_CONNECTION_LIMIT,
-        (unsigned)(http->config.max_connections + SLACK), MHD_OPTION_CONNECTION_TIMEOUT,
-        (unsigned)options->timeout + LATER_S, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        (size_t)REQUEST_HEAD_MEMORY, MHD_OPTION_CONNECTION_MEMORY_INCREMENT,
+        NULL, exchange_step, http, MHD_OPTION_CONNECTION_LIMIT, (unsigned)(connections + SLACK),
+        MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)options->timeout + LATER_S,
+        MHD_OPTION_CONNECTION_MEMORY_LIMIT, memory, MHD_OPTION_CONNECTION_MEMORY_INCREMENT,
         (size_t)MEMORY_INCREMENT, MHD_OPTION_SIGPIPE_HANDLED_BY_APP, 1,
         MHD_OPTION_NOTIFY_CONNECTION, on_connection, http, MHD_OPTION_URI_LOG_CALLBACK,
         exchange_begin, http, MHD_OPTION_NOTIFY_COMPLETED, exchange_end, http,
         MHD_OPTION_STRICT_FOR_CLIENT, STRICTNESS, MHD_OPTION_END);
-    if (!http->daemon) return false;
-    const union MHD_DaemonInfo *info = MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_EPOLL_FD);
+    http->daemons[side] = daemon;
+    if (!daemon) return false;
+    const union MHD_DaemonInfo *info = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_EPOLL_FD);
     if (!info) return false;
-    http->epoll_fd = info->epoll_fd;
+    http->epoll_fds[side] = info->epoll_fd;
     return true;
+}
+
+/* Nobody uploads to the admin listener. */
+static bool start_daemons(struct http *http)
+{
+    const size_t most = http->config.max_connections;
+    MHD_set_panic_func(on_panic, NULL);
+    for (int i = 0; i < HTTP_SIDES; i++) http->epoll_fds[i] = -1;
+    return start_daemon(http, HTTP_PLAIN, REQUEST_HEAD_MEMORY, most) &&
+           (http->config.site != SITE_MAIN ||
+            start_daemon(http, HTTP_UPLOADS, UPLOAD_MEMORY, UPLOADS_MAX));
 }
 
 struct http *http_create(const struct http_config *config)
@@ -197,7 +254,7 @@ struct http *http_create(const struct http_config *config)
     http_gauge(http, METRIC_WORKERS, (size_t)options->workers);
     http_gauge(http, METRIC_BODY_MEMORY_MAX, http->budget.max);
     http->ends_fd = epoll_create1(EPOLL_CLOEXEC);
-    if (!http->working || http->ends_fd < 0 || !start_daemon(http)) {
+    if (!http->working || http->ends_fd < 0 || !start_daemons(http)) {
         fputs("facetd: cannot start the HTTP server: out of memory or descriptors\n", stderr);
         http_destroy(http);
         return NULL;
@@ -216,7 +273,8 @@ void http_quiesce(struct http *http)
 void http_destroy(struct http *http)
 {
     if (!http) return;
-    if (http->daemon) MHD_stop_daemon(http->daemon);
+    for (int i = 0; i < HTTP_SIDES; i++)
+        if (http->daemons[i]) MHD_stop_daemon(http->daemons[i]);
     if (http->ends_fd >= 0) close(http->ends_fd);
     free(http->working);
     free(http);

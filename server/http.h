@@ -33,10 +33,12 @@ struct http *http_create(const struct http_config *config);
 void http_add(struct http *http, int fd, const struct sockaddr *peer, socklen_t length);
 bool http_is_full(const struct http *http);
 
-/* What to poll: readable means http_turn has work; and after at most so many ms (-1: for ever). */
-int http_fd(const struct http *http);
+enum { HTTP_SIDES = 2 };
+
+/* Fills fds with what to poll, for http_turn; which has work after at most so many ms (-1: for ever) too. */
+void http_poll(const struct http *http, struct pollfd fds[HTTP_SIDES]);
 int http_timeout_ms(const struct http *http);
-void http_turn(struct http *http);
+void http_turn(struct http *http, const struct pollfd fds[HTTP_SIDES]);
 
 /* Resumes the requests whose jobs are done.  Call http_turn afterwards. */
 void http_collect(struct http *http);

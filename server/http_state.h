@@ -12,13 +12,21 @@
 
 #include <microhttpd.h>
 
+/*
+ * libmicrohttpd gives a connection one memory for all its life: it reads bodies into half of it, and zeroes
+ * all of it after each answer.  So there are two of it: with little for most, and with much for those
+ * connections whose first request announces a large body.
+ */
+enum http_side { HTTP_PLAIN, HTTP_UPLOADS };
+
 struct http {
     struct http_config config;
     const struct options *options;
     struct pool *pool;
-    struct MHD_Daemon *daemon;
-    int epoll_fd;
+    struct MHD_Daemon *daemons[HTTP_SIDES];
+    int epoll_fds[HTTP_SIDES];
     int ends_fd;             /* epoll: which clients have ended their side (client->ended) */
+    bool stirred;            /* a connection was added or resumed since the last turn */
     bool draining, received; /* received: a piece of a body, in this run */
     struct client *clients;  /* all */
     size_t client_count, active_count;

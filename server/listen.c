@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -90,6 +91,16 @@ static int open_unix(const char *path)
     complain(path, strerror(errno));
     if (fd >= 0) close(fd);
     return -1;
+}
+
+/*
+ * Connections come with their first bytes, or after a second without: then what they begin with can be
+ * seen (http_add), and those that send nothing cost nothing here.  Unix sockets have no such thing.
+ */
+static void wait_for_data(int fd)
+{
+    const int seconds = 1;
+    (void)setsockopt(fd, IPPROTO_TCP, TCP_DEFER_ACCEPT, &seconds, sizeof seconds);
 }
 
 /* The name of an open socket; false with a message. */
@@ -182,6 +193,7 @@ bool listeners_open(const struct options *options, struct listeners *main_ones,
     if (*options->socket && !add(main_ones, open_unix(options->socket), options->socket))
         return false;
     if (!admin->count && *options->admin && !add_admin(options->admin, admin)) return false;
+    for (size_t i = 0; i < main_ones->count; i++) wait_for_data(main_ones->list[i].fd);
     if (main_ones->count) return true;
     fputs("facetd: nowhere to listen: neither --bind nor --socket\n", stderr);
     return false;

@@ -21,7 +21,13 @@ enum {
     CANCEL_US = 5000000 /* how long cancelled work gets to notice */
 };
 
-enum { POLL_HTTP, POLL_SIGNAL, POLL_POOL, POLL_LISTEN, POLL_MIN = POLL_LISTEN + LISTEN_MAX };
+enum {
+    POLL_HTTP,
+    POLL_SIGNAL = POLL_HTTP + HTTP_SIDES,
+    POLL_POOL,
+    POLL_LISTEN,
+    POLL_MIN = POLL_LISTEN + LISTEN_MAX
+};
 
 struct loop {
     struct http *http;
@@ -99,7 +105,7 @@ static void turn(struct loop *loop)
 {
     struct http *http = loop->http;
     struct pollfd *fds = loop->fds;
-    fds[POLL_HTTP] = (struct pollfd){.fd = http_fd(http), .events = POLLIN};
+    http_poll(http, fds + POLL_HTTP);
     fds[POLL_SIGNAL] = (struct pollfd){.fd = loop->signal_fd, .events = POLLIN};
     fds[POLL_POOL] = (struct pollfd){.fd = pool_fd(loop->pool), .events = POLLIN};
     const size_t listening = accept_watch(&loop->acceptor, fds + POLL_LISTEN),
@@ -117,7 +123,7 @@ static void turn(struct loop *loop)
     if (fds[POLL_POOL].revents || clock_us() >= loop->reap_us) http_collect(http);
     accept_watched(&loop->acceptor, fds + POLL_LISTEN, listening);
     if (fds[POLL_SIGNAL].revents) on_signal(loop);
-    http_turn(http);
+    http_turn(http, fds + POLL_HTTP);
     tick(loop);
     log_flush();
 }

@@ -49,6 +49,7 @@ void http_collect(struct http *http)
             client->phase = CLIENT_ANSWER;
             client->deadline_us = answer_deadline(http, clock_us(), REQUEST_BLOCK);
         }
+        http->stirred = true;
         MHD_resume_connection(client->connection);
     }
 }
@@ -70,6 +71,7 @@ static void cancel(struct http *http, struct client *client)
     metrics_add(METRIC_CANCELLED, 1);
     if (!pool_withdraw(http->pool, &client->request.job)) return; /* http_collect will resume it */
     stop_waiting(http, client);
+    http->stirred = true;
     MHD_resume_connection(client->connection);
 }
 

@@ -73,6 +73,8 @@ TEST(sigterm_finishes_what_runs)
     if (!daemon_start(&daemon, FAKE, NULL)) return;
     int idle = daemon_connect(&daemon);
     int fd = daemon_post(&daemon, "/spin?ms=500", "x");
+    CHECK(daemon_send(idle, "GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n"));
+    CHECK(daemon_read(idle, &answer));
     sleep_ms(100);
     kill(daemon.pid, SIGTERM);
     sleep_ms(100);

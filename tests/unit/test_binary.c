@@ -5,6 +5,7 @@
 #include "multipart.h"
 #include "representation.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -222,13 +223,40 @@ TEST(doubles_are_written_as_floats)
     for (size_t width = 1; width <= WIDTH; width++) {
         char bytes[ROWS * WIDTH * sizeof(float)];
         const struct results results = {.format = RESULTS_FLOAT32, .width = width};
-        CHECK(api_results_write(&results, of, ROWS, true, bytes) ==
-              bytes + ROWS * width * sizeof(float));
+        char *end = bytes;
+        size_t at;
+        CHECK(api_results_put(&results, of, ROWS, true, &end, &at) == RESULTS_SOUND);
+        CHECK(end == bytes + ROWS * width * sizeof(float));
         for (size_t i = 0; i < ROWS * width; i++) {
             float x;
             memcpy(&x, bytes + i * sizeof x, sizeof x);
             CHECK(x == (float)columns[i % width][i / width]);
         }
+    }
+}
+
+/* The largest float is one, and what is no number or beyond it is told where it is, by the four and the rest. */
+TEST(doubles_that_no_float_is_are_told)
+{
+    enum { ROWS = 7 };
+    static const struct {
+        double x;
+        enum results_fault fault;
+    } cases[] = {{FLT_MAX, RESULTS_SOUND},
+                 {-0x1.fffffefffffffp127, RESULTS_SOUND},
+                 {0x1.ffffffp127, RESULTS_TOO_LARGE},
+                 {-1e300, RESULTS_TOO_LARGE},
+                 {NAN, RESULTS_NOT_FINITE},
+                 {-INFINITY, RESULTS_NOT_FINITE}};
+    const struct results results = {.format = RESULTS_FLOAT32, .width = 1};
+    for (size_t i = 0; i < ROWS * sizeof cases / sizeof *cases; i++) {
+        const size_t where = i % ROWS;
+        double column[ROWS] = {1, 2, 3, 4, 5, 6, 7}, *const of[] = {column};
+        char bytes[sizeof column], *end = bytes;
+        size_t at = ROWS;
+        column[where] = cases[i / ROWS].x;
+        CHECK_INT(api_results_put(&results, of, ROWS, true, &end, &at), cases[i / ROWS].fault);
+        if (cases[i / ROWS].fault) CHECK_INT(at, where);
     }
 }
 
