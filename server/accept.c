@@ -47,11 +47,7 @@ void accept_end(struct acceptor *acceptor)
 
 static void refuse(struct acceptor *acceptor, int client)
 {
-    struct request refusal = {.close = true};
-    struct body_budget none = {0, 0};
-    request_refuse(&refusal, 503, "too many connections");
-    request_send_raw(&refusal, client);
-    request_clear(&refusal, &none);
+    request_send_refusal(client, 503, "too many connections");
     if (acceptor->count == ACCEPT_LINGER_MAX) close_oldest(acceptor);
     size_t end = (acceptor->start + acceptor->count++) % ACCEPT_LINGER_MAX;
     acceptor->refused[end].fd = client;

@@ -21,7 +21,7 @@ static ssize_t send_block(void *user, uint64_t position, char *out, size_t room)
 {
     struct client *client = user;
     struct http *http = client->http;
-    struct request *request = &client->request;
+    struct request *request = client->request;
     (void)position;
     while (request->block_taken == request->block_size) {
         if (atomic_load(&request->gone) || request->block_failed)
@@ -46,7 +46,7 @@ static ssize_t send_block(void *user, uint64_t position, char *out, size_t room)
 /* The body stays ours until exchange_end: libmicrohttpd neither copies nor frees it. */
 static struct MHD_Response *response_of(struct client *client)
 {
-    struct request *request = &client->request;
+    struct request *request = client->request;
     if (!request->response.stream)
         return MHD_create_response_from_buffer(request->response.body_size, request->response.body,
                                                MHD_RESPMEM_PERSISTENT);
@@ -74,7 +74,7 @@ static bool has_room(const struct client *client, const struct request_header *h
 static enum MHD_Result refuse_head(struct http *http, struct client *client)
 {
     const bool body_follows = client->phase == CLIENT_HEADERS; /* or may */
-    request_refuse(&client->request, 431,
+    request_refuse(client->request, 431,
                    "the head leaves no room for the answer's: fewer or shorter headers, please");
     answer_raw(http, client);
     return body_follows ? MHD_YES : MHD_NO;
@@ -82,7 +82,7 @@ static enum MHD_Result refuse_head(struct http *http, struct client *client)
 
 enum MHD_Result answer_send(struct http *http, struct client *client)
 {
-    struct request *request = &client->request;
+    struct request *request = client->request;
     if (http->draining) request->close = true;
     struct request_header headers[REQUEST_HEADERS_MAX];
     size_t count = request_headers(request, headers);
@@ -104,9 +104,9 @@ enum MHD_Result answer_send(struct http *http, struct client *client)
 
 enum MHD_Result answer_raw(struct http *http, struct client *client)
 {
-    request_drop_body(&client->request, &http->budget);
-    client->request.close = true;
-    request_send_raw(&client->request, client->fd);
+    request_drop_body(client->request, &http->budget);
+    client->request->close = true;
+    request_send_raw(client->request, client->fd);
     client->raw = true;
     client->phase = CLIENT_DROP;
     client->deadline_us = clock_us() + LINGER_US;

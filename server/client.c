@@ -33,6 +33,19 @@ void client_extend(struct client *client, int64_t now_us, size_t bytes, long min
         client->deadline_us += (int64_t)bought;
 }
 
+static void tell_too_slow(struct client *client)
+{
+    static const char detail[] = "the request came too slowly";
+    if (!client->request) {
+        request_send_refusal(client->fd, 408, detail);
+    } else {
+        client->request->close = true;
+        request_refuse(client->request, 408, detail);
+        request_send_raw(client->request, client->fd);
+    }
+    client->raw = true;
+}
+
 void client_cut(struct client *client, bool tell)
 {
     const bool half_here = client->phase == CLIENT_HEADERS || client->phase == CLIENT_BODY ||
@@ -43,11 +56,6 @@ void client_cut(struct client *client, bool tell)
                                                                  : METRIC_CUT_CONNECTIONS,
                     1);
     client->deadline_us = CLIENT_NEVER;
-    if (tell && half_here && !client->raw) {
-        client->request.close = true;
-        request_refuse(&client->request, 408, "the request came too slowly");
-        request_send_raw(&client->request, client->fd);
-        client->raw = true;
-    }
+    if (tell && half_here && !client->raw) tell_too_slow(client);
     shutdown(client->fd, SHUT_RDWR);
 }

@@ -19,7 +19,7 @@ enum client_phase {
 struct http;
 
 struct client {
-    struct request request;
+    struct request *request; /* while one is here; else NULL */
     struct http *http;
     struct client *previous, *next;
     struct MHD_Connection *connection;

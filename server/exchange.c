@@ -7,6 +7,7 @@
 #include "waiting.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
@@ -20,23 +21,46 @@ static bool has_too_many_parameters(const char *query)
     return count > REQUEST_PARAMETERS_MAX;
 }
 
+static struct request *take_request(struct http *http)
+{
+    struct request *request = http->spare ? http->spare : calloc(1, sizeof *request);
+    http->spare = NULL;
+    return request;
+}
+
+static void give_back(struct http *http, struct request *request)
+{
+    request_clear(request, &http->budget);
+    if (http->spare)
+        free(request);
+    else
+        http->spare = request;
+}
+
 void *exchange_begin(void *user, const char *target, struct MHD_Connection *connection)
 {
     struct http *http = user;
     struct client *client = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)
                                 ->socket_context;
     if (!client || !target) return NULL;
-    if (!request_start(&client->request, target, http->now_us)) return NULL;
-    client->request.site = http->config.site;
+    struct request *request = take_request(http);
+    if (!request) return NULL;
+    if (!request_start(request, target, http->now_us)) {
+        give_back(http, request);
+        return NULL;
+    }
+    client->request = request;
+    request->owner = client;
+    request->site = http->config.site;
     head_note_target(&client->line, target);
     client->phase = CLIENT_HEADERS;
     client->deadline_us = http->now_us + seconds(http->options->header_timeout);
     http_gauge(http, METRIC_ACTIVE, ++http->active_count);
-    if (has_too_many_parameters(client->request.query)) {
+    if (has_too_many_parameters(request->query)) {
         char detail[64];
         snprintf(detail, sizeof detail, "the query has more than %d parameters",
                  REQUEST_PARAMETERS_MAX);
-        request_refuse(&client->request, 414, detail);
+        request_refuse(request, 414, detail);
         answer_raw(http, client);
     }
     return client;
@@ -50,15 +74,15 @@ static bool cors_allows(const struct http *http, const char *origin)
 
 static enum MHD_Result answer_now(struct http *http, struct client *client)
 {
-    request_run(&client->request);
-    request_tag(&client->request);
+    request_run(client->request);
+    request_tag(client->request);
     return answer_send(http, client);
 }
 
 static enum MHD_Result dispatch(struct http *http, struct client *client)
 {
-    struct request *request = &client->request;
-    request->received_us = clock_us();
+    struct request *request = client->request;
+    request->received_us = request->body_size ? clock_us() : http->now_us; /* in this turn */
     if (!http->pool || request_is_short(request)) return answer_now(http, client);
     request->deadline_us = request->received_us + seconds(http->options->deadline);
     if (waiting_has_too_many(http, client)) {
@@ -93,7 +117,7 @@ static bool refuse_encoded(struct client *client, const struct head *head)
 {
     const char *encoding = head->value[HEAD_CONTENT_ENCODING];
     if (!encoding || !*encoding || !strcasecmp(encoding, "identity")) return false;
-    request_refuse(&client->request, 415,
+    request_refuse(client->request, 415,
                    "Content-Encoding must be identity or absent: send the body as it is");
     return true;
 }
@@ -101,7 +125,7 @@ static bool refuse_encoded(struct client *client, const struct head *head)
 /* What the head alone decides; true if the request is refused or answered. */
 static bool settle_by_head(struct http *http, struct client *client, const struct head *head)
 {
-    struct request *request = &client->request;
+    struct request *request = client->request;
     const char *method = request->method;
     if (head->fault) {
         request->close = true;
@@ -144,7 +168,7 @@ static bool settle_by_head(struct http *http, struct client *client, const struc
 static enum MHD_Result begin(struct http *http, struct client *client, const char *method,
                              const char *version)
 {
-    struct request *request = &client->request;
+    struct request *request = client->request;
     client->line.method = method;
     client->line.version = version;
     const struct head head = head_read(client->connection, &client->line);
@@ -168,7 +192,7 @@ static enum MHD_Result begin(struct http *http, struct client *client, const cha
 static enum MHD_Result collect(struct http *http, struct client *client, const char *data,
                                size_t size)
 {
-    struct request *request = &client->request;
+    struct request *request = client->request;
     http->received = true;
     if (client->phase == CLIENT_DROP) return MHD_YES;
     client_extend(client, http->now_us, size, http->options->min_rate,
@@ -198,14 +222,14 @@ enum MHD_Result exchange_step(void *user, struct MHD_Connection *connection, con
     if (client->raw) return MHD_NO; /* answered; the whole upload has come: close */
     if (client->phase == CLIENT_DROP) return answer_send(http, client);
     if (client->phase == CLIENT_BODY) return dispatch(http, client);
-    if (atomic_load(&client->request.gone)) return MHD_NO;
+    if (atomic_load(&client->request->gone)) return MHD_NO;
     return answer_send(http, client); /* back from the worker */
 }
 
 static const char *end_text(const struct client *client, enum MHD_RequestTerminationCode code)
 {
     if (client->cut) return "cut";
-    if (client->request.gone) return "gone";
+    if (client->request->gone) return "gone";
     if (client->raw) return "refused";
     switch (code) {
     case MHD_REQUEST_TERMINATED_COMPLETED_OK: return "ok";
@@ -226,14 +250,15 @@ void exchange_end(void *user, struct MHD_Connection *connection, void **context,
     (void)connection;
     if (!client) return;
     *context = NULL;
-    client->request.done_us = clock_us();
-    metrics_request(&client->request, client->request.gone);
-    const struct request *request = &client->request;
+    struct request *request = client->request;
+    request->done_us = clock_us();
+    metrics_request(request, request->gone);
     if (http->config.site == SITE_MAIN) {
         if (request->was_queued || request->body_size > SMALL_BODY) memory_used();
         request_log(request, end_text(client, code));
     }
-    request_clear(&client->request, &http->budget);
+    give_back(http, request);
+    client->request = NULL;
     http_gauge(http, METRIC_ACTIVE, --http->active_count);
     http_gauge(http, METRIC_BODY_MEMORY, http->budget.used);
     client->phase = CLIENT_IDLE;

@@ -37,7 +37,6 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
          * request ended. */
         if (client->phase != CLIENT_IDLE)
             exchange_end(http, connection, &(void *){client}, MHD_REQUEST_TERMINATED_WITH_ERROR);
-        request_clear(&client->request, &http->budget);
         *(client->previous ? &client->previous->next : &http->clients) = client->next;
         if (client->next) client->next->previous = client->previous;
         http->client_count--;
@@ -276,6 +275,7 @@ void http_destroy(struct http *http)
     for (int i = 0; i < HTTP_SIDES; i++)
         if (http->daemons[i]) MHD_stop_daemon(http->daemons[i]);
     if (http->ends_fd >= 0) close(http->ends_fd);
+    free(http->spare);
     free(http->working);
     free(http);
 }

@@ -29,6 +29,7 @@ struct http {
     bool stirred;            /* a connection was added or resumed since the last turn */
     bool draining, received; /* received: a piece of a body, in this run */
     struct client *clients;  /* all */
+    struct request *spare;   /* the last that ended, clear: its memory is in the cache; or NULL */
     size_t client_count, active_count;
     struct client **working; /* those that wait for a worker */
     size_t working_count;

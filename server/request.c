@@ -56,7 +56,7 @@ bool request_start(struct request *request, const char *target, int64_t now_us)
     request->deadline_us = INT64_MAX; /* long requests get one */
     request->started_us = now_us;
     size_t size = strlen(target) + 1;
-    request->target = malloc(size);
+    request->target = size <= sizeof request->short_target ? request->short_target : malloc(size);
     if (!request->target) return false;
     memcpy(request->target, target, size);
     request->path = request->target;
@@ -80,7 +80,7 @@ void request_drop_body(struct request *request, struct body_budget *budget)
 void request_clear(struct request *request, struct body_budget *budget)
 {
     request_drop_body(request, budget);
-    free(request->target);
+    if (request->target != request->short_target) free(request->target);
     free(request->block);
     api_response_clear(&request->response);
     memset(request, 0, offsetof(struct request, response)); /* the rest is clear */
@@ -353,6 +353,14 @@ void request_send_raw(const struct request *request, int fd)
     if (n < sizeof head && send(fd, head, n, MSG_DONTWAIT | MSG_NOSIGNAL | MSG_MORE) == (ssize_t)n)
         (void)send(fd, response->body, response->body_size, MSG_DONTWAIT | MSG_NOSIGNAL);
     shutdown(fd, SHUT_WR);
+}
+
+void request_send_refusal(int fd, int status, const char *detail)
+{
+    struct request refusal = {.close = true};
+    request_refuse(&refusal, status, detail);
+    request_send_raw(&refusal, fd);
+    api_response_clear(&refusal.response);
 }
 
 size_t request_answer_size(const struct request *request)

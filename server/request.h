@@ -34,13 +34,15 @@ extern const struct api_limit request_limits[REQUEST_LIMITS];
 
 struct request {
     struct pool_job job; /* first: the pool hands it back */
+    void *owner;         /* the caller's */
     struct pool *crew;   /* whose idle workers may help; NULL where the network thread answers */
     char method[16];
     char id[REQUEST_ID_MAX + 1];
     char trace[REQUEST_TRACE_SIZE]; /* the client's traceparent; empty if none or malformed */
     char etag[REQUEST_ETAG_SIZE];   /* of the answer; empty if it has none */
     enum site site;
-    char *target; /* owned; path and query point into it */
+    char *target; /* owned, or short_target; path and query point into it */
+    char short_target[64];
     const char *path, *query;
     /* The connection's, valid until the request completes. */
     const char *content_type, *accept, *accept_encoding, *if_none_match;
@@ -122,6 +124,8 @@ size_t request_headers(const struct request *request, struct request_header *hea
  * socket's buffer does not take is lost.
  */
 void request_send_raw(const struct request *request, int fd);
+/* The same, of no request: a problem document, and the connection's end. */
+void request_send_refusal(int fd, int status, const char *detail);
 
 /* Bytes of the answer's body: of a streamed one those taken so far. */
 size_t request_answer_size(const struct request *request);

@@ -36,7 +36,7 @@ bool waiting_has_too_many(const struct http *http, const struct client *client)
 
 static struct client *client_of(struct pool_job *job)
 {
-    return (struct client *)job; /* job is the first member of request, request that of client */
+    return ((struct request *)job)->owner; /* job is its first member */
 }
 
 void http_collect(struct http *http)
@@ -45,7 +45,7 @@ void http_collect(struct http *http)
     while (http->pool && (job = pool_collect(http->pool))) {
         struct client *client = client_of(job);
         stop_waiting(http, client);
-        if (client->request.response.stream && client->request.block) { /* in the middle of it */
+        if (client->request->response.stream && client->request->block) { /* in the middle of it */
             client->phase = CLIENT_ANSWER;
             client->deadline_us = answer_deadline(http, clock_us(), REQUEST_BLOCK);
         }
@@ -58,7 +58,7 @@ size_t http_watch(const struct http *http, struct pollfd *fds)
 {
     for (size_t i = 0; i < http->working_count; i++) {
         const struct client *client = http->working[i];
-        fds[i].fd = atomic_load(&client->request.gone) ? -1 : client->fd; /* -1: poll skips it */
+        fds[i].fd = atomic_load(&client->request->gone) ? -1 : client->fd; /* -1: poll skips it */
         fds[i].events = POLLRDHUP;
         fds[i].revents = 0;
     }
@@ -67,9 +67,9 @@ size_t http_watch(const struct http *http, struct pollfd *fds)
 
 static void cancel(struct http *http, struct client *client)
 {
-    atomic_store(&client->request.gone, true);
+    atomic_store(&client->request->gone, true);
     metrics_add(METRIC_CANCELLED, 1);
-    if (!pool_withdraw(http->pool, &client->request.job)) return; /* http_collect will resume it */
+    if (!pool_withdraw(http->pool, &client->request->job)) return; /* http_collect will resume it */
     stop_waiting(http, client);
     http->stirred = true;
     MHD_resume_connection(client->connection);
