@@ -71,6 +71,11 @@ bool api_still_wanted(struct call *call);
 /* The same question in lib's words. */
 facet_watch api_watch(const struct call *call);
 
+static inline struct decoder api_decoder(const struct call *call)
+{
+    return (struct decoder){call->arena, call->problem, api_watch(call)};
+}
+
 /*
  * The media type to answer with, by the client's Accept: "application/json" or
  * one of endpoint->answers; `preferred` where the client has no preference.

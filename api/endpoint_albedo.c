@@ -211,7 +211,7 @@ static bool print(struct call *call, struct job *job, struct albedo_response *ou
 
 static bool prepare(struct call *call, struct job *job)
 {
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     const struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0};
     const struct albedo_request *in = job->in;
     bool has_wo = in->wo.form >= 0;

@@ -232,7 +232,7 @@ static bool learn(struct subject *subject, const struct surface *surface, double
 
 static bool learn_all(struct call *call)
 {
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     double *room = api_arena_doubles(call->arena, SPEED_ROOM);
     if (!room) return api_problem_memory(call->problem);
     for (int i = 0; i < SUBJECTS; i++) {

@@ -84,7 +84,7 @@ static facet_status evaluate_surface(const void *user, facet_vec3_in wi, facet_v
 static bool open_material(struct call *call, struct surface *surface, struct measurement *m)
 {
     const struct fit_request *in = call->in;
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     struct place place = {NULL, "source", 0};
     if (!api_material_open(in->source, &place, &decoder, surface) ||
         !api_lambert_refuse(in->source, &place, "has no microfacets to fit", call->problem) ||
@@ -106,7 +106,7 @@ static bool open_material(struct call *call, struct surface *surface, struct mea
 static bool open_source(struct call *call, struct surface *surface, struct measurement *m)
 {
     const struct fit_request *in = call->in;
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     struct place source = {NULL, "source", 0}, samples = {NULL, "samples", 0},
                  format = {NULL, "format", 0};
     if (call->medium) {

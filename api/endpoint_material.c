@@ -213,7 +213,7 @@ static bool describe(struct call *call, const struct surface *surface, const str
 static bool handle(struct call *call)
 {
     const struct material_request *in = call->in;
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     struct place place = {NULL, "material", 0};
     struct surface surface;
     return api_material_open(&in->material, &place, &decoder, &surface) &&

@@ -376,7 +376,7 @@ static bool check_solid_angle(const struct job *job, struct problem *problem)
 
 static bool prepare(struct call *call, struct job *job)
 {
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     struct place material = {NULL, "material", 0}, wo = {NULL, "wo", 0};
     const struct sample_request *in = job->in;
     if (!api_plan(&in->wo, &wo, &decoder, &job->wo) || !pair_up(job, call->problem) ||

@@ -207,7 +207,7 @@ static double ceiling_of(const struct job *job)
 
 bool api_evaluate(struct call *call, struct evaluation *evaluation)
 {
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     struct place material = {NULL, "material", 0};
     double start = api_clock();
     struct job *job = api_arena_array(call->arena, 1, sizeof *job);

@@ -77,6 +77,7 @@ struct list {
 struct decoder {
     struct arena *arena;
     struct problem *problem;
+    facet_watch watch; /* of the request; some fields take long to make */
 };
 
 struct field {

@@ -53,7 +53,7 @@ static bool add_arrays(const struct part *parts, size_t count, struct arena *are
 {
     enum array_type type = raw_type(document->root);
     struct place request = {NULL, "request", 0};
-    struct decoder decoder = {arena, problem};
+    struct decoder decoder = {.arena = arena, .problem = problem};
     if (count > 1 && !json_is_object(document->root))
         return api_wrong_type(document->root, "an object", &request, &decoder);
     for (size_t i = 0; i < count; i++)

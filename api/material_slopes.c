@@ -77,7 +77,8 @@ bool api_slopes_open(const struct slopes *slopes, const struct place *place,
     const struct matrix *m = &slopes->log_D;
     facet_status status = m->columns > 1
                               ? facet_slope_table_create_turned(slopes->scale, m->values,
-                                                                m->columns, m->rows, &table)
+                                                                m->columns, m->rows,
+                                                                &decoder->watch, &table)
                               : facet_slope_table_create(slopes->scale, m->values, m->rows, &table);
     if (status == FACET_BAD_TABLE) return refuse_slopes(slopes, &at, decoder);
     if (status) return api_problem_status(decoder->problem, status, &at);

@@ -223,7 +223,7 @@ static bool decode_document(struct call *call, void *in, struct decoder *decoder
 static bool decode_no_members(const struct call *call)
 {
     static const struct field none[] = {{0}};
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     const char *query = call->request->query;
     return !query || !*query || api_decode_query(query, NULL, none, NULL, &decoder);
 }
@@ -236,7 +236,7 @@ static bool decode_request(struct call *call)
     void *in = api_arena_array(call->arena, 1, endpoint->request_size);
     if (!in) return api_problem_memory(call->problem);
     call->in = in;
-    struct decoder decoder = {call->arena, call->problem};
+    struct decoder decoder = api_decoder(call);
     if (!call->medium) return decode_document(call, in, &decoder);
     if (call->request->body_size > LIMIT_BINARY_BODY)
         return api_problem(call->problem, 413, "a body may have %d bytes", LIMIT_BINARY_BODY);

@@ -2,6 +2,7 @@
 
 #include "roughness.h"
 #include "slope_table.h"
+#include "watch.h"
 
 #include <float.h>
 #include <math.h>
@@ -111,8 +112,7 @@ facet_status facet_albedo_ask(struct albedo_material *a)
 {
     if (a->since_asked < 4096) return FACET_OK;
     a->since_asked = 0;
-    bool stop = a->watch.cancelled && a->watch.cancelled(a->watch.user);
-    return stop ? FACET_CANCELLED : FACET_OK;
+    return facet_is_cancelled(&a->watch) ? FACET_CANCELLED : FACET_OK;
 }
 
 void facet_albedo_be_modest(const struct albedo_material *a, double tolerance,

@@ -9,6 +9,7 @@
 #include "facet_albedo.h"
 #include "integrate.h"
 #include "transmission.h"
+#include "watch.h"
 
 #include <float.h>
 #include <math.h>
@@ -147,7 +148,7 @@ static facet_status integrate_ray(struct walk *w, double phi, struct integral *s
     *sum = (struct integral){{0}, {0}};
     if (w->since_asked >= 4096) {
         w->since_asked = 0;
-        if (w->watch.cancelled && w->watch.cancelled(w->watch.user)) return FACET_CANCELLED;
+        if (facet_is_cancelled(&w->watch)) return FACET_CANCELLED;
     }
     w->ray = facet_albedo_ray_of(&w->surface, &w->view, phi);
     size_t count = find_breaks(w);

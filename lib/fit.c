@@ -1,6 +1,7 @@
 #include "facet_fit.h"
 
 #include "fit_work.h"
+#include "watch.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -32,9 +33,7 @@ enum { BACKSCATTERS = 600, TURNED_BACKSCATTERS = 60, BACKSCATTER_TURNS = 10 };
 
 bool facet_fit_cancelled(struct fit_work *work)
 {
-    const facet_watch *watch = work->watch;
-    if (work->status == FACET_OK && watch && watch->cancelled && watch->cancelled(watch->user))
-        work->status = FACET_CANCELLED;
+    if (work->status == FACET_OK && facet_is_cancelled(work->watch)) work->status = FACET_CANCELLED;
     return work->status != FACET_OK;
 }
 

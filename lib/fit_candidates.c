@@ -125,7 +125,7 @@ static bool thin_rows(struct fit_work *work, facet_fit_candidate *candidate)
     }
     const double *log_d = owned->compact_turned_log_d[k][0];
     work->status = facet_slope_table_create_turned(scale, log_d, FACET_FIT_COMPACT + 1, ROWS,
-                                                   &owned->compact_turned[k]);
+                                                   work->watch, &owned->compact_turned[k]);
     if (work->status == FACET_BAD_TABLE) {
         work->status = FACET_OK;
         return false;

@@ -249,7 +249,7 @@ static facet_status tabulate(struct fit_work *work, const facet_fit_source *sour
                                   fit->table_scale, n, FACET_FIT_ROWS, log_d);
     if (status == FACET_OK)
         status = facet_slope_table_create_turned(fit->table_scale, log_d, n, FACET_FIT_ROWS,
-                                                 &owned->turned_table[diffuse]);
+                                                 work->watch, &owned->turned_table[diffuse]);
     return status == FACET_BAD_TABLE ? FACET_OK : status; /* there is none */
 }
 

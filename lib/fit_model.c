@@ -1,6 +1,7 @@
 #include "fit_model.h"
 
 #include "fit_arrow.h"
+#include "watch.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -286,7 +287,7 @@ facet_status facet_fit_model_solve(struct fit_model *model, struct fit_pairs *pa
         status = assemble(model, &rows, &s.arrow);
         if (rows.layout.count + s.arrow.own == 0) break;
         for (int k = 0; status == FACET_OK && k < steps; k++) {
-            if (watch && watch->cancelled && watch->cancelled(watch->user))
+            if (facet_is_cancelled(watch))
                 status = FACET_CANCELLED;
             else if (!advance(&s, model, &rows, &status))
                 break;

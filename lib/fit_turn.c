@@ -2,6 +2,7 @@
 
 #include "fit_backscatter.h"
 #include "gauss.h"
+#include "watch.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -115,7 +116,7 @@ static facet_status iterate(struct fit_turn *t, const struct room *room, const f
 {
     enum { STEPS = 60 };
     for (int step = 0; step < STEPS; step++) {
-        if (watch && watch->cancelled && watch->cancelled(watch->user)) return FACET_CANCELLED;
+        if (facet_is_cancelled(watch)) return FACET_CANCELLED;
         apply(t, room);
         double change = take(t, room->next);
         if (!isfinite(t->f0) || t->f0 <= 0) return FACET_BAD_DATA;

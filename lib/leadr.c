@@ -3,6 +3,7 @@
 #include "leadr_store.h"
 #include "mip_rows.h"
 #include "slope_rows.h"
+#include "watch.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -31,11 +32,6 @@ struct batch {
     struct leadr_stored stored[BATCH_MAX];
     bool taken[BATCH_MAX]; /* by the sink */
 };
-
-static bool cancelled(const facet_watch *watch)
-{
-    return watch && watch->cancelled && watch->cancelled(watch->user);
-}
 
 /* Slopes of the one texel of the last level are those of the whole map. */
 static void note_mean(struct filter *f, double *const at[CENTRAL_COUNT])
@@ -130,7 +126,7 @@ static facet_status run(struct filter *f)
     const size_t height = f->rows.height;
     for (size_t q = 0, count; q < height; q += count) {
         count = rows_together(q, height - q < f->rows.batch ? height - q : f->rows.batch);
-        if (cancelled(f->watch)) return FACET_CANCELLED;
+        if (facet_is_cancelled(f->watch)) return FACET_CANCELLED;
         if (!facet_slope_rows_load(&f->rows, q, count)) break;
         if (!run_batch(f, 0, q, count)) return FACET_NO_MEMORY;
     }

@@ -11,6 +11,7 @@
 #include "slope_sheet.h"
 #include "slope_spline.h"
 #include "slope_turned.h"
+#include "watch.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -138,20 +139,24 @@ static void mend_ends(const struct rays *t, double v)
     for (size_t j = 0; j < rows; j++) t->sum[j] -= t->own[(j + rows / 2) % rows];
 }
 
-static void fill(const struct rays *t, size_t cells, size_t stride, double *psi)
+static facet_status fill(const struct rays *t, size_t cells, size_t stride,
+                         const facet_watch *watch, double *psi)
 {
     double b = t->table->slope_scale, least = LAYER * FACET_PI / (double)t->rows * t->mean,
            unit = b * b * b * exp(t->top);
     for (size_t i = 0; i < cells; i += stride) {
         double u = ((double)i + t->shift) / (double)cells, v = b * u / (1 - u);
+        if (facet_is_cancelled(watch)) return FACET_CANCELLED;
         sum_rays(t, v);
         if (v < least) mend_ends(t, v);
         for (size_t j = 0; j < t->rows; j++) psi[j * (cells + 1) + i] = unit * fmax(t->sum[j], 0);
     }
+    return FACET_OK;
 }
 
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, size_t stride, double *psi)
+                                  bool is_check, size_t stride, const facet_watch *watch,
+                                  double *psi)
 {
     struct rays t = {.table = table, .rows = rows, .shift = is_check ? 0.5 : 0};
     size_t parts = (KNOTS + table->turned_q.cells - 1) / table->turned_q.cells;
@@ -164,7 +169,7 @@ facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells
     t.sum = t.seen + rows;
     t.own = t.sum + rows;
     facet_status status = add_rays(&t);
-    if (!status) fill(&t, cells, stride, psi);
+    if (!status) status = fill(&t, cells, stride, watch, psi);
     free(room);
     return status;
 }

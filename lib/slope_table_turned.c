@@ -113,11 +113,12 @@ static void forget_errors(facet_slope_table *table)
 }
 
 /* Between the rows and the nodes, where it is interpolated, in every stride-th cell. */
-static facet_status measure_between(facet_slope_table *table, size_t stride, double *y)
+static facet_status measure_between(facet_slope_table *table, size_t stride,
+                                    const facet_watch *watch, double *y)
 {
     struct kernel_sheet sheet = table->view.turned_psi;
     facet_status status = facet_slope_psi_rows(&table->view, sheet.cells, sheet.turns, true, stride,
-                                               y);
+                                               watch, y);
     double cells = (double)sheet.cells, step = (double)stride / cells, faint = 1, seen = 0;
     for (size_t j = 0; j < sheet.turns && !status; j++) {
         double azimuth = ((double)j + 0.5) / (double)sheet.turns;
@@ -175,20 +176,20 @@ static facet_status tabulate_psi(facet_slope_table *table, size_t cells, double 
 
 /* mean: E[r]; is_last: there are no more cells.  An error that stays is looked for in every cell. */
 static facet_status fill_psi(facet_slope_table *table, size_t cells, double mean, bool is_last,
-                             double *c)
+                             const facet_watch *watch, double *c)
 {
     size_t rows = PSI_FINER * table->view.turned_q.turns, knots = cells + 1;
     double *y = malloc((knots + 1) * rows * sizeof *y);
     if (!y) return FACET_NO_MEMORY;
-    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, false, 1, y);
+    facet_status status = facet_slope_psi_rows(&table->view, cells, rows, false, 1, watch, y);
     forget_errors(table);
     const double lost = status ? 0 : ray_error(y, cells, rows, mean);
     if (!status) status = tabulate_psi(table, cells, y, y + knots * rows, c);
-    if (!status) status = measure_between(table, CHECK_STRIDE, y);
+    if (!status) status = measure_between(table, CHECK_STRIDE, watch, y);
     table->sigma_error = fmax(table->sigma_error, lost);
     bool stays = is_last || table->sigma_error <= SIGMA_ERROR;
     if (!status && stays && table->sigma_error > SIGMA_ERROR / 2)
-        status = measure_between(table, 1, y);
+        status = measure_between(table, 1, watch, y);
     free(y);
     return status;
 }
@@ -210,14 +211,14 @@ static bool falls_to_nothing(const double *y, size_t n)
 }
 
 /* log_q of a whole of 1.  Nodes of 0 stay: what falls to them has changed, by much less each time. */
-static facet_status normalise(facet_slope_table *table, const struct sizes *s, double *y,
-                              struct slope_sums *sums)
+static facet_status normalise(facet_slope_table *table, const struct sizes *s,
+                              const facet_watch *watch, double *y, struct slope_sums *sums)
 {
     struct kernel_table *view = &table->view;
     const size_t n = s->n * s->turns;
     facet_status status = tabulate_q(y, s, table->coefficients, &view->turned_q);
     for (int pass = 0; !status; pass++) {
-        *sums = facet_slope_sums(view);
+        if ((status = facet_slope_sums(view, watch, sums))) break;
         bool done = pass == PASSES_MAX || (pass > 0 && fabs(sums->mass - 1) <= MASS_ERROR);
         if (done) break;
         if (!facet_slope_normalise(sums->mass, y, n)) return FACET_BAD_TABLE;
@@ -228,11 +229,12 @@ static facet_status normalise(facet_slope_table *table, const struct sizes *s, d
 }
 
 /* y: turns rows of n. */
-static facet_status fill(facet_slope_table *table, const struct sizes *s, double *y)
+static facet_status fill(facet_slope_table *table, const struct sizes *s, const facet_watch *watch,
+                         double *y)
 {
     struct kernel_table *view = &table->view;
     struct slope_sums sums;
-    facet_status status = normalise(table, s, y, &sums);
+    facet_status status = normalise(table, s, watch, y, &sums);
     if (status) return status;
     const double mean = sums.mean / sums.mass;
     if (view->slope_scale > FACET_TURNED_SCALE_FAR * mean) return FACET_BAD_TABLE;
@@ -240,15 +242,16 @@ static facet_status fill(facet_slope_table *table, const struct sizes *s, double
     table->quantile_gain = RAY_GAIN;
     double *c = table->coefficients + 16 * view->turned_q.cells * view->turned_q.turns;
     const bool may_grow = s->psi_cells_most > s->psi_cells;
-    status = fill_psi(table, s->psi_cells, mean, !may_grow, c);
+    status = fill_psi(table, s->psi_cells, mean, !may_grow, watch, c);
     bool again = may_grow && table->sigma_error > SIGMA_ERROR;
-    if (!status && again) status = fill_psi(table, s->psi_cells_most, mean, true, c);
+    if (!status && again) status = fill_psi(table, s->psi_cells_most, mean, true, watch, c);
     if (!status) facet_slope_table_measure(table);
     return status;
 }
 
 facet_status facet_slope_table_create_turned(double scale, const double *log_d, size_t n,
-                                             size_t turns, facet_slope_table **table)
+                                             size_t turns, const facet_watch *watch,
+                                             facet_slope_table **table)
 {
     *table = NULL;
     if (n < FACET_TABLE_NODES_MIN || turns < FACET_TABLE_TURNS_MIN ||
@@ -265,7 +268,7 @@ facet_status facet_slope_table_create_turned(double scale, const double *log_d, 
     facet_status status = FACET_NO_MEMORY;
     if (made) {
         made->view.slope_scale = made->view.psi_scale = scale;
-        status = fill(made, &s, y);
+        status = fill(made, &s, watch, y);
     }
     free(y);
     if (status)

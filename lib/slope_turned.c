@@ -2,6 +2,7 @@
 
 #include "gauss.h"
 #include "slope_sheet.h"
+#include "watch.h"
 
 #include <math.h>
 
@@ -114,14 +115,20 @@ static void add_patch(struct plane *p, size_t i, size_t j)
     }
 }
 
-struct slope_sums facet_slope_sums(const struct kernel_table *table)
+facet_status facet_slope_sums(const struct kernel_table *table, const facet_watch *watch,
+                              struct slope_sums *sums)
 {
+    enum { ASKED = 16 }; /* patches between two looks at the watch: 30 ms at most */
     struct kernel_sheet sheet = table->turned_q;
     struct plane p = {.table = table, .peak = -INFINITY};
     facet_gauss_legendre(POINTS_U, p.node_u, p.weight_u);
     facet_gauss_legendre(POINTS_TURN, p.node_turn, p.weight_turn);
     for (size_t k = 0; k < sheet.cells * sheet.turns; k++) p.peak = fmax(p.peak, sheet.c[16 * k]);
     for (size_t j = 0; j < sheet.turns; j++)
-        for (size_t i = 0; i < sheet.cells; i++) add_patch(&p, i, j);
-    return p.sums;
+        for (size_t i = 0; i < sheet.cells; i++) {
+            if (i % ASKED == 0 && facet_is_cancelled(watch)) return FACET_CANCELLED;
+            add_patch(&p, i, j);
+        }
+    *sums = p.sums;
+    return FACET_OK;
 }

@@ -13,7 +13,9 @@ struct slope_sums {
     double gain; /* largest derivative of log D by log tan theta or the azimuth, down to FACET_FLOOR
                     of its peak */
 };
-struct slope_sums facet_slope_sums(const struct kernel_table *table);
+/* CANCELLED, or OK. */
+facet_status facet_slope_sums(const struct kernel_table *table, const facet_watch *watch,
+                              struct slope_sums *sums);
 
 /*
  * psi(v) = E[max(x - v, 0)] of the component x along an azimuth, at v = scale u/(1 - u), u =
@@ -22,7 +24,8 @@ struct slope_sums facet_slope_sums(const struct kernel_table *table);
  * errs otherwise.
  */
 facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells, size_t rows,
-                                  bool is_check, size_t stride, double *psi);
+                                  bool is_check, size_t stride, const facet_watch *watch,
+                                  double *psi);
 
 /* v psi(v) for v to infinity; azimuth in units of pi. */
 double facet_slope_psi_limit(const struct kernel_table *table, double azimuth);

@@ -102,9 +102,9 @@ void http_reap(struct http *http)
 
 void http_poll(const struct http *http, struct pollfd fds[HTTP_SIDES])
 {
-    for (int i = 0; i < HTTP_SIDES; i++)
-        fds[i] = (struct pollfd){.fd = http->epoll_fds[i],
-                                 .events = POLLIN}; /* -1: poll skips it */
+    for (int i = 0; i < HTTP_SIDES; i++) { /* -1, of a side that is not: poll skips it */
+        fds[i] = (struct pollfd){.fd = http->epoll_fds[i], .events = POLLIN};
+    }
 }
 
 /* Of one of the two. */

@@ -69,7 +69,7 @@ static facet_slope_table *table_of(const struct source *s)
         log_d[k] = s->log_d(r, s->turns ? (double)(k / NODES) / (double)s->turns : 0);
     }
     facet_status status = s->turns ? facet_slope_table_create_turned(s->scale, log_d, NODES,
-                                                                     s->turns, &table)
+                                                                     s->turns, NULL, &table)
                                    : facet_slope_table_create(s->scale, log_d, NODES, &table);
     CHECK_INT(status, FACET_OK);
     return table;

@@ -56,7 +56,7 @@ static facet_slope_table *table_of(int source)
         log_d[k] = source == 0 ? 0 : u < 1 ? 2 * log1p(r * r) - square : -1e4;
     }
     if (source == AZIMUTH)
-        facet_slope_table_create_turned(1, log_d, n, rows, &table);
+        facet_slope_table_create_turned(1, log_d, n, rows, NULL, &table);
     else
         facet_slope_table_create(1, log_d, n, &table);
     return table;

@@ -24,7 +24,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     static bool is_open;
     if (!is_open) is_open = api_open();
     api_arena_open(&arena, (size_t)1 << 28);
-    struct decoder decoder = {&arena, &problem};
+    struct decoder decoder = {.arena = &arena, .problem = &problem};
     struct place place = {NULL, "samples", 0};
     api_field_clear(fields, &holder);
     if (api_json_read(data, size, &arena, &problem, &document) &&

@@ -29,7 +29,7 @@ static facet_slope_table *rough_table(double noise)
                           (i ? noise * (rng_uniform(&rng) - 0.5) : 0);
         }
     facet_slope_table *table = NULL;
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], N, TURNS, &table), FACET_OK);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], N, TURNS, NULL, &table), FACET_OK);
     return table;
 }
 
@@ -135,7 +135,7 @@ TEST(a_table_of_equal_rows_is_the_radial_table)
     facet_slope_table *turned = NULL, *radial = NULL;
     for (int j = 0; j < TURNS; j++)
         for (int i = 0; i < N; i++) log_d[j][i] = -8. * i / (N - 1) + .4 * sin(.5 * i);
-    CHECK_INT(facet_slope_table_create_turned(.4, log_d[0], N, TURNS, &turned), FACET_OK);
+    CHECK_INT(facet_slope_table_create_turned(.4, log_d[0], N, TURNS, NULL, &turned), FACET_OK);
     CHECK_INT(facet_slope_table_create(.4, log_d[0], N, &radial), FACET_OK);
     struct pairs *pairs = draw_pairs();
     facet_brdf *a = radial ? surface(FACET_TABULATED, radial, ellipse) : NULL;
@@ -418,20 +418,48 @@ TEST(what_is_no_table_is_refused)
 {
     double log_d[5][6] = {{0}};
     facet_slope_table *table;
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 3, 5, &table), FACET_BAD_SIZE);
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 3, &table), FACET_BAD_SIZE);
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, FACET_TABLE_TURNS_MAX + 1, &table),
-              FACET_BAD_SIZE);
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], FACET_TURNED_NODES_MAX, 5, &table),
-              FACET_BAD_SIZE);
-    CHECK_INT(facet_slope_table_create_turned(0, log_d[0], 6, 5, &table), FACET_BAD_TABLE);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 3, 5, NULL, &table), FACET_BAD_SIZE);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 3, NULL, &table), FACET_BAD_SIZE);
+    CHECK_INT(
+        facet_slope_table_create_turned(.3, log_d[0], 6, FACET_TABLE_TURNS_MAX + 1, NULL, &table),
+        FACET_BAD_SIZE);
+    CHECK_INT(
+        facet_slope_table_create_turned(.3, log_d[0], FACET_TURNED_NODES_MAX, 5, NULL, &table),
+        FACET_BAD_SIZE);
+    CHECK_INT(facet_slope_table_create_turned(0, log_d[0], 6, 5, NULL, &table), FACET_BAD_TABLE);
     log_d[2][0] = 1e-9;
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, &table), FACET_BAD_TABLE);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, NULL, &table), FACET_BAD_TABLE);
     log_d[2][0] = 0, log_d[2][3] = NAN;
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, &table), FACET_BAD_TABLE);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, NULL, &table), FACET_BAD_TABLE);
     log_d[2][3] = 0;
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, &table), FACET_OK);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d[0], 6, 5, NULL, &table), FACET_OK);
     facet_slope_table_destroy(table);
+}
+
+static bool is_over(void *left)
+{
+    return (*(long *)left)-- <= 0;
+}
+
+TEST(whoever_waits_for_a_table_may_leave)
+{
+    enum { N = 12, TURNS = 5, MANY = 1000000 };
+    long left = MANY;
+    const facet_watch watch = {is_over, &left};
+    double log_d[TURNS * N];
+    facet_slope_table *table;
+    for (int k = 0; k < TURNS * N; k++) log_d[k] = -(k % N);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d, N, TURNS, &watch, &table), FACET_OK);
+    facet_slope_table_destroy(table);
+    const long asked = MANY - left;
+    CHECK(asked > 100);
+    for (long after = 0; after < asked; after += 1 + asked / 40) {
+        left = after;
+        CHECK_INT(facet_slope_table_create_turned(.3, log_d, N, TURNS, &watch, &table),
+                  FACET_CANCELLED);
+        CHECK(!table);
+        CHECK_INT(left, -1); /* it asked no more */
+    }
 }
 
 /* Gaps, cliffs, spikes, a horizon that is all there is: finite and no less than 0. */
@@ -451,7 +479,7 @@ TEST(wild_tables_answer_numbers)
         for (int j = 0; j < TURNS; j++) log_d[j][0] = log_d[0][0];
         facet_slope_table *table = NULL;
         facet_status status = facet_slope_table_create_turned(pow(10, -3 + 4 * rng_uniform(&rng)),
-                                                              log_d[0], N, TURNS, &table);
+                                                              log_d[0], N, TURNS, NULL, &table);
         CHECK(status == FACET_OK || status == FACET_BAD_TABLE);
         facet_roughness leaning = ellipse;
         if (round_ % 2) leaning.slope_x = .4, leaning.slope_y = -.1;

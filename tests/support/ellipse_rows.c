@@ -30,7 +30,7 @@ facet_slope_table *ellipse_rows(facet_ndf ndf, const facet_roughness *a, size_t 
     for (size_t k = 0; k < n * turns; k++)
         log_d[k] = log_ellipse(ndf, a, (double)(k % n) / (double)(n - 1), scale,
                                PI * (double)(k / n) / (double)turns);
-    CHECK_INT(facet_slope_table_create_turned(scale, log_d, n, turns, &table), FACET_OK);
+    CHECK_INT(facet_slope_table_create_turned(scale, log_d, n, turns, NULL, &table), FACET_OK);
     free(log_d);
     return table;
 }

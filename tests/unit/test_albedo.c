@@ -428,7 +428,7 @@ TEST(a_table_over_the_azimuth_has_the_albedo_of_its_source)
         {.ndf = FACET_TABULATED, .roughness = {.alpha_x = 1, .alpha_y = 1}},
         {.ndf = FACET_GGX, .roughness = {.alpha_x = ax, .alpha_y = ay, .rho = rho}}};
     facet_slope_table *table;
-    CHECK_INT(facet_slope_table_create_turned(scale, log_d[0], N, ROWS, &table), FACET_OK);
+    CHECK_INT(facet_slope_table_create_turned(scale, log_d[0], N, ROWS, NULL, &table), FACET_OK);
     m[0].table = table;
     for (int k = 0; k < 2 * FACET_MASKING_COUNT && table; k++) {
         m[0].masking = m[1].masking = (facet_masking)(k / 2);

@@ -25,7 +25,7 @@ static void check_answer(const struct endpoint *endpoint, const struct answer *a
     struct problem problem = {0};
     api_arena_open(&arena, LIMIT_REQUEST_MEMORY);
     struct document document = {0};
-    struct decoder decoder = {&arena, &problem};
+    struct decoder decoder = {.arena = &arena, .problem = &problem};
     void *out = api_arena_array(&arena, 1, endpoint->response_size);
     if (!api_json_read(answer->response.body, answer->response.body_size, &arena, &problem,
                        &document) ||

@@ -438,6 +438,14 @@ TEST(cancelled_surveys_end)
                "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}");
 }
 
+/* A table over the azimuth takes up to 20 s to make. */
+TEST(cancelled_tables_end)
+{
+    check_ends("/v1/eval",
+               "{\"material\":{\"ndf\":\"tabulated\",\"alpha\":0.3,\"slopes\":{\"scale\":1,"
+               "\"log_D\":[[0,0,0,0],[0,1,0,0],[0,2,0,0],[0,0,1,0]]}}," PAIR "}");
+}
+
 TEST(a_table_of_the_ggx_shape_is_ggx)
 {
     /* log D of GGX with alpha 1 is constant in theta: -log pi. */

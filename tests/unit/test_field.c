@@ -90,7 +90,7 @@ static struct trial decode(const char *json, const char *query)
     struct trial trial = {.ok = false};
     api_arena_open(&trial.arena, 1 << 20);
     struct document document = {0};
-    struct decoder decoder = {&trial.arena, &trial.problem};
+    struct decoder decoder = {.arena = &trial.arena, .problem = &trial.problem};
     if (!json || api_json_read(json, strlen(json), &trial.arena, &trial.problem, &document))
         trial.ok = api_decode_query(query, document.root, thing_fields, &trial.thing, &decoder);
     json_decref(document.root);

@@ -337,7 +337,7 @@ static struct two_lobes two_lobes_of(double kd)
             double u = i / (N - 1.), phi = PI * j / ROWS;
             log_d[j][i] = -9 * u + u * u * (.4 * cos(2 * phi) + cos(4 * phi - 1));
         }
-    CHECK_INT(facet_slope_table_create_turned(.4, log_d[0], N, ROWS, &lobes.table), FACET_OK);
+    CHECK_INT(facet_slope_table_create_turned(.4, log_d[0], N, ROWS, NULL, &lobes.table), FACET_OK);
     facet_material material = {
         .ndf = FACET_TABULATED,
         .roughness = {.alpha_x = .9, .alpha_y = .4, .rho = .3},

@@ -206,7 +206,7 @@ static bool open_random(struct rng *rng, double *relative, double *promised)
 
     struct arena arena;
     struct problem problem = {0};
-    struct decoder decoder = {&arena, &problem};
+    struct decoder decoder = {.arena = &arena, .problem = &problem};
     struct material material = {0}, base = {0};
     struct surface surface;
     api_field_clear(api_material_fields, &material);

@@ -227,7 +227,7 @@ static double equal_rows(int shape, double scale, size_t n, facet_slope_table *t
         log_d[k] = log_radial(shape, u < 1 ? scale * u / (1 - u) : 1e9);
     }
     CHECK_INT(facet_slope_table_create(scale, log_d, n, &table[0]), FACET_OK);
-    *status = facet_slope_table_create_turned(scale, log_d, n, TURNS, &table[1]);
+    *status = facet_slope_table_create_turned(scale, log_d, n, TURNS, NULL, &table[1]);
     return table[0] ? table[0]->pieces.piece[0].moment[0] : NAN; /* the mean slope */
 }
 
