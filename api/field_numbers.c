@@ -303,7 +303,9 @@ static bool decode_matrix(const json_t *json, const struct field *field, struct 
     if (!sound_array(json, "an array of rows", place, decoder, &array)) return false;
     struct place first = {place, NULL, 0};
     if (!length_of(&array))
-        return api_problem_at(decoder->problem, place, "has 0 rows, must have at least 1");
+        return api_problem_at(decoder->problem, place, "has 0 %s, must have at least %zu",
+                              field->width == 1 ? "elements" : "rows",
+                              field->min_items ? field->min_items : 1);
     bool is_column = !array.nested && field->width == 1;
     if (!array.nested && !is_column)
         return api_problem_at(
