@@ -193,7 +193,7 @@ static enum MHD_Result collect(struct http *http, struct client *client, const c
                                size_t size)
 {
     struct request *request = client->request;
-    http->received = true;
+    http->received += size;
     if (client->phase == CLIENT_DROP) return MHD_YES;
     client_extend(client, http->now_us, size, http->options->min_rate,
                   seconds(http->options->header_timeout));

@@ -123,11 +123,12 @@ int http_timeout_ms(const struct http *http)
 
 static void run(struct http *http, struct MHD_Daemon *daemon)
 {
-    enum { UPLOAD_RUNS = 8 }; /* more of an upload is there, as a rule: look before polling again */
-    for (int i = 0; i < UPLOAD_RUNS; i++) {
-        http->received = false;
+    enum { RUNS = 32, ENOUGH = 262144 /* bytes */ }; /* then others have their turn */
+    http->received = 0;
+    for (int i = 0; i < RUNS && http->received < ENOUGH; i++) {
+        const size_t before = http->received;
         MHD_run(daemon);
-        if (!http->received) break;
+        if (http->received == before) break; /* else more is there, as a rule */
     }
 }
 

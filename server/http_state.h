@@ -25,11 +25,12 @@ struct http {
     struct pool *pool;
     struct MHD_Daemon *daemons[HTTP_SIDES];
     int epoll_fds[HTTP_SIDES];
-    int ends_fd;             /* epoll: which clients have ended their side (client->ended) */
-    bool stirred;            /* a connection was added or resumed since the last turn */
-    bool draining, received; /* received: a piece of a body, in this run */
-    struct client *clients;  /* all */
-    struct request *spare;   /* the last that ended, clear: its memory is in the cache; or NULL */
+    int ends_fd;  /* epoll: which clients have ended their side (client->ended) */
+    bool stirred; /* a connection was added or resumed since the last turn */
+    bool draining;
+    size_t received;        /* bytes of bodies, in this turn */
+    struct client *clients; /* all */
+    struct request *spare;  /* the last that ended, clear: its memory is in the cache; or NULL */
     size_t client_count, active_count;
     struct client **working; /* those that wait for a worker */
     size_t working_count;
