@@ -1,5 +1,7 @@
 #include "diffuse.h"
 
+#include "facet_table.h"
+
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -7,6 +9,14 @@
 bool api_surface_takes_floats(const struct surface *surface)
 {
     return !surface->has_diffuse && !surface->bsdf;
+}
+
+bool api_surface_ready(const struct surface *surface, facet_tier tier, struct problem *problem)
+{
+    const facet_slope_table *table = surface->facet.ndf == FACET_TABULATED ? surface->facet.table
+                                                                           : NULL;
+    return !table || tier >= FACET_EXACT32 || facet_slope_table_has_floats(table) ||
+           api_problem_memory(problem);
 }
 
 double api_surface_error(const struct surface *surface)

@@ -25,6 +25,9 @@ facet_status api_surface_sample(const struct surface *surface, facet_tier tier,
 /* Whether lib's float calls do all of it: no diffuse part, no transmission. */
 bool api_surface_takes_floats(const struct surface *surface);
 
+/* Makes what the tier works on.  False, a problem: there is no memory; lib would serve a finer tier unasked. */
+bool api_surface_ready(const struct surface *surface, facet_tier tier, struct problem *problem);
+
 /* What the diffuse part adds to the bound of an evaluation. */
 double api_surface_error(const struct surface *surface);
 /* facet_sample_bound of a surface. */

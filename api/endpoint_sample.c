@@ -398,7 +398,8 @@ static bool prepare(struct call *call, struct job *job)
                      api_bound_obstacle(&job->surface, 1,
                                         depth_error(job, FACET_PRECISE, &job->depth),
                                         job->input_error),
-                     call->problem, &job->promise))
+                     call->problem, &job->promise) ||
+        (asked(job, WEIGHT) && !api_surface_ready(&job->surface, job->promise.tier, call->problem)))
         return false;
     api_represent_bound(&job->representation, &in->accuracy, &job->promise);
     open_results(job, call->arena);

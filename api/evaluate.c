@@ -232,7 +232,8 @@ bool api_evaluate(struct call *call, struct evaluation *evaluation)
                      api_bound_obstacle(&job->surface, job->condition,
                                         api_depth_error(job, FACET_PRECISE, &job->depth),
                                         job->input_error),
-                     call->problem, &job->promise))
+                     call->problem, &job->promise) ||
+        !api_surface_ready(&job->surface, job->promise.tier, call->problem))
         return false;
     api_promise_fewer_digits(evaluation->accuracy, &job->promise);
     api_represent_bound(&evaluation->representation, evaluation->accuracy, &job->promise);
