@@ -67,7 +67,7 @@ INC_lib    := -iquote lib -ffp-contract=off
 INC_api    := -iquote lib -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags jansson OpenEXR libpng 2>/dev/null)
 INC_server := -iquote api $(VERSION_FLAG) $(shell $(PKG_CONFIG) --cflags libmicrohttpd 2>/dev/null)
 INC_tests  := -iquote tests/support $(INC_api) -ffp-contract=off
-LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -ldeflate -lpthread -lm
+LDLIBS     := -lmicrohttpd -ljansson -lOpenEXRCore -lpng16 -ldeflate -lzstd -lpthread -lm
 LDLIBS_test_router := -lz
 # This test makes allocations fail, one after the other.
 LDLIBS_test_memory := -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=aligned_alloc

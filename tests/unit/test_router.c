@@ -6,6 +6,7 @@
 
 #include <stdlib.h>
 #include <zlib.h>
+#include <zstd.h>
 
 #define EVAL "{\"material\":{\"alpha\":0.3},\"wi\":[[0,0,1]],\"wo\":[[0,0,1]]}"
 
@@ -97,11 +98,11 @@ TEST(json_is_compressed_on_demand)
     static const struct {
         const char *accept;
         bool is_gzip;
-    } cases[] = {{NULL, false},         {"gzip", true},          {"deflate, gzip;q=0.5, br", true},
-                 {"gzip;q=0", false},   {"identity", false},     {"", false},
-                 {"br, zstd", false},   {"GZIP", true},          {"*", true},
-                 {"br, *;q=0.1", true}, {"gzip;q=0, *", false},  {"*;q=0", false},
-                 {"*;q=0, gzip", true}, {"xgzip, gzipx", false}, {"gzip ; q=0.0, *", false}};
+    } cases[] = {{NULL, false},          {"gzip", true},          {"deflate, gzip;q=0.5, br", true},
+                 {"gzip;q=0", false},    {"identity", false},     {"", false},
+                 {"br, deflate", false}, {"GZIP", true},          {"*", true},
+                 {"br, *;q=0.1", true},  {"gzip;q=0, *", false},  {"*;q=0", false},
+                 {"*;q=0, gzip", true},  {"xgzip, gzipx", false}, {"gzip ; q=0.0, *", false}};
     struct answer plain = ask("GET", "/v1/openapi.json", NULL);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct answer a = ask_with((struct api_request){
@@ -133,6 +134,38 @@ TEST(json_is_compressed_on_demand)
         (struct api_request){.method = "GET", .path = "/healthz", .accept_encoding = "gzip"});
     CHECK(a.json && !a.response.header_count);
     answer_clear(&a);
+}
+
+/* The better one where both are named alike; who takes anything gets gzip. */
+TEST(zstd)
+{
+    static const struct {
+        const char *accept, *encoding;
+    } cases[] = {{"zstd", "zstd"},
+                 {"gzip, deflate, br, zstd", "zstd"},
+                 {"ZSTD;q=0.5, gzip;q=0.4", "zstd"},
+                 {"zstd;q=0.4, gzip;q=0.5", "gzip"},
+                 {"zstd;q=0, gzip", "gzip"},
+                 {"zstdx, gzip", "gzip"},
+                 {"*", "gzip"},
+                 {"br, zstd;q=0", NULL}};
+    struct answer plain = ask("GET", "/v1/openapi.json", NULL);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct answer a = ask_with((struct api_request){
+            .method = "GET", .path = "/v1/openapi.json", .accept_encoding = cases[i].accept});
+        CHECK_INT(a.response.header_count, 1 + !!cases[i].encoding);
+        if (cases[i].encoding) CHECK_STR(a.response.headers[1].value, cases[i].encoding);
+        if (cases[i].encoding && !strcmp(cases[i].encoding, "zstd")) {
+            char *back = malloc(plain.response.body_size);
+            CHECK_INT(ZSTD_decompress(back, plain.response.body_size, a.response.body,
+                                      a.response.body_size),
+                      plain.response.body_size);
+            CHECK(!memcmp(back, plain.response.body, plain.response.body_size));
+            free(back);
+        }
+        answer_clear(&a);
+    }
+    answer_clear(&plain);
 }
 
 TEST(lookup_tells_the_server_what_to_expect)
