@@ -29,6 +29,7 @@ enum { ENDS = 96 };
  * in u. */
 struct rays {
     const struct kernel_table *table;
+    const facet_watch *watch;
     size_t n, rows;
     double shift, top;
     double mean;              /* the largest of the slopes along a ray */
@@ -68,7 +69,13 @@ static facet_status add_rays(struct rays *t)
     if (!y) return FACET_NO_MEMORY;
     t->top = -INFINITY;
     t->mean = 0;
-    for (size_t j = 0; j < t->rows; j++) logarithms_along(t, j, y + j * knots, slope + j * knots);
+    for (size_t j = 0; j < t->rows; j++) {
+        if (facet_is_cancelled(t->watch)) {
+            free(y);
+            return FACET_CANCELLED;
+        }
+        logarithms_along(t, j, y + j * knots, slope + j * knots);
+    }
     for (size_t k = 0; k < t->rows * knots; k++) t->top = fmax(t->top, y[k] + 2);
     for (size_t k = 0; k < t->rows * knots; k++) {
         y[k] = KERNEL_PSI_UNIT / (t->top - y[k]);
@@ -139,14 +146,13 @@ static void mend_ends(const struct rays *t, double v)
     for (size_t j = 0; j < rows; j++) t->sum[j] -= t->own[(j + rows / 2) % rows];
 }
 
-static facet_status fill(const struct rays *t, size_t cells, size_t stride,
-                         const facet_watch *watch, double *psi)
+static facet_status fill(const struct rays *t, size_t cells, size_t stride, double *psi)
 {
     double b = t->table->slope_scale, least = LAYER * FACET_PI / (double)t->rows * t->mean,
            unit = b * b * b * exp(t->top);
     for (size_t i = 0; i < cells; i += stride) {
         double u = ((double)i + t->shift) / (double)cells, v = b * u / (1 - u);
-        if (facet_is_cancelled(watch)) return FACET_CANCELLED;
+        if (facet_is_cancelled(t->watch)) return FACET_CANCELLED;
         sum_rays(t, v);
         if (v < least) mend_ends(t, v);
         for (size_t j = 0; j < t->rows; j++) psi[j * (cells + 1) + i] = unit * fmax(t->sum[j], 0);
@@ -158,7 +164,7 @@ facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells
                                   bool is_check, size_t stride, const facet_watch *watch,
                                   double *psi)
 {
-    struct rays t = {.table = table, .rows = rows, .shift = is_check ? 0.5 : 0};
+    struct rays t = {.table = table, .watch = watch, .rows = rows, .shift = is_check ? 0.5 : 0};
     size_t parts = (KNOTS + table->turned_q.cells - 1) / table->turned_q.cells;
     t.n = parts * table->turned_q.cells;
     facet_gauss_legendre(ENDS, t.end, t.weight);
@@ -169,7 +175,7 @@ facet_status facet_slope_psi_rows(const struct kernel_table *table, size_t cells
     t.sum = t.seen + rows;
     t.own = t.sum + rows;
     facet_status status = add_rays(&t);
-    if (!status) status = fill(&t, cells, stride, watch, psi);
+    if (!status) status = fill(&t, cells, stride, psi);
     free(room);
     return status;
 }

@@ -436,32 +436,6 @@ TEST(what_is_no_table_is_refused)
     facet_slope_table_destroy(table);
 }
 
-static bool is_over(void *left)
-{
-    return (*(long *)left)-- <= 0;
-}
-
-TEST(whoever_waits_for_a_table_may_leave)
-{
-    enum { N = 12, TURNS = 5, MANY = 1000000 };
-    long left = MANY;
-    const facet_watch watch = {is_over, &left};
-    double log_d[TURNS * N];
-    facet_slope_table *table;
-    for (int k = 0; k < TURNS * N; k++) log_d[k] = -(k % N);
-    CHECK_INT(facet_slope_table_create_turned(.3, log_d, N, TURNS, &watch, &table), FACET_OK);
-    facet_slope_table_destroy(table);
-    const long asked = MANY - left;
-    CHECK(asked > 100);
-    for (long after = 0; after < asked; after += 1 + asked / 40) {
-        left = after;
-        CHECK_INT(facet_slope_table_create_turned(.3, log_d, N, TURNS, &watch, &table),
-                  FACET_CANCELLED);
-        CHECK(!table);
-        CHECK_INT(left, -1); /* it asked no more */
-    }
-}
-
 /* Gaps, cliffs, spikes, a horizon that is all there is: finite and no less than 0. */
 TEST(wild_tables_answer_numbers)
 {

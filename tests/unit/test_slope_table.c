@@ -350,6 +350,38 @@ TEST(extremes_stay_finite)
     }
 }
 
+static bool is_over(void *left)
+{
+    return (*(long *)left)-- <= 0;
+}
+
+TEST(whoever_waits_for_a_table_may_leave)
+{
+    enum { N = 12, TURNS = 5, MANY = 1000000 };
+    long left = MANY;
+    const facet_watch watch = {is_over, &left};
+    double log_d[TURNS * N];
+    facet_slope_table *table;
+    for (int k = 0; k < TURNS * N; k++) log_d[k] = -(k % N);
+    CHECK_INT(facet_slope_table_create_turned(.3, log_d, N, TURNS, &watch, &table), FACET_OK);
+    facet_slope_table_destroy(table);
+    const long asked = MANY - left;
+    CHECK(asked > 100);
+    for (long after = 0; after < asked; after += 1 + asked / 40) {
+        left = after;
+        CHECK_INT(facet_slope_table_create_turned(.3, log_d, N, TURNS, &watch, &table),
+                  FACET_CANCELLED);
+        CHECK(!table);
+        CHECK_INT(left, -1); /* it asked no more */
+    }
+    /* Slopes far below the scale are refused by the sums that come first: those ask too. */
+    for (int k = 0; k < TURNS * N; k++) log_d[k] = k % N ? -2000 : 0;
+    left = MANY;
+    CHECK_INT(facet_slope_table_create_turned(1e4, log_d, N, TURNS, &watch, &table),
+              FACET_BAD_TABLE);
+    CHECK(left <= MANY - TURNS);
+}
+
 TEST(bad_tables)
 {
     double log_d[5] = {0, 0, 0, 0, 0};
