@@ -114,6 +114,9 @@ const char *api_bound_obstacle(const struct surface *surface, double condition, 
     if (r->slope_x != 0 || r->slope_y != 0)
         return "the mean slope is so many times the roughness that its rounding hides the surface; less mean "
                "slope or more roughness has one";
+    if (surface->facet.ndf == FACET_TABULATED)
+        return "a table whose log_D jumps this much between nodes, or a Fresnel term this steep, magnifies every "
+               "rounding; a smoother one has a bound";
     return "a Fresnel term this steep magnifies every rounding";
 }
 

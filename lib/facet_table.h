@@ -54,7 +54,7 @@ bool facet_slope_table_has_floats(const facet_slope_table *table);
  * error of interpolated CDFs, which is 6e-7 in those and 2e-6 in the density of smooth tables
  * (ellipses of axes 1 : 5).
  *
- * Takes 0.1 to 0.4 s, with nodes at random up to 20 s; watch: asked every few milliseconds.
+ * Takes 0.1 to 0.6 s, with nodes at random up to 3 s; watch: asked every 30 ms or sooner.
  */
 facet_status facet_slope_table_create_turned(double scale, const double *log_d, size_t n,
                                              size_t turns, const facet_watch *watch,

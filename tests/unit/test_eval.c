@@ -438,7 +438,7 @@ TEST(cancelled_surveys_end)
                "{" GGX ",\"wo\":{\"theta\":[0.5],\"phi\":[1]},\"n\":10,\"tolerance\":1e-15}");
 }
 
-/* A table over the azimuth takes up to 20 s to make. */
+/* A table over the azimuth takes up to 3 s to make. */
 TEST(cancelled_tables_end)
 {
     check_ends("/v1/eval",
